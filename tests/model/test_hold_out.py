@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
@@ -133,3 +135,10 @@ def test_a_command_at_every_sample_of_a_long_record_begins_a_period_each() -> No
     assert len(set(found)) == count, "each has a name of its own"
     assert found[0] == "start"
     assert found[-1].endswith(f" {count // 2}")
+
+
+@given(phase=st.lists(st.integers(0, 6), min_size=1, max_size=40))
+def test_the_samples_of_each_period_are_those_with_its_number(phase: list[int]) -> None:
+    record = replace(measurements().records[0], phase=np.array(phase, dtype=np.intp), phases=tuple("abcdefg"))
+    for number, samples in enumerate(record.samples_of_phases):
+        assert samples.tolist() == np.flatnonzero(record.phase == number).tolist()

@@ -136,14 +136,14 @@ def _piece(
 ) -> tuple[Floats, float, float]:
     """Errors of one record in a part of a phase, and the start and end of the part."""
     record = fit.problem.records[k]
-    inside = record.phase == phase
-    if not inside.any():
+    inside = record.samples_of_phases[phase] if phase < len(record.phases) else np.empty(0, dtype=np.intp)
+    if not inside.size:
         return np.empty(0), math.nan, math.nan
     times = record.times[inside]
     begin, length = float(times[0]), float(times[-1] - times[0])
     start, end = begin + part[0] * length, begin + part[1] * length
-    rows = inside & fit.problem.ok[k][:, column] & (record.times >= start)
-    rows &= record.times <= end if part[1] == 1.0 else record.times < end
+    counts = fit.problem.ok[k][inside, column] & (times >= start)
+    rows = inside[counts & (times <= end if part[1] == 1.0 else times < end)]
     return fit.outputs[k][rows, column] - record.values[rows, column], start, end
 
 

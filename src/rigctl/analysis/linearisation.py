@@ -45,9 +45,8 @@ def quiet_columns(problem: Problem, k: int, outputs: Floats) -> Floats | None:
     for c, channel in enumerate(problem.noise.channels):
         if channel.bias <= 0.0 or channel.step <= 0.0:
             continue
-        for phase in np.unique(record.phase):
-            inside = record.phase == phase
-            if inside.sum() > 2 and float(np.ptp(outputs[inside, c])) < channel.step:
+        for inside in record.samples_of_phases:
+            if inside.size > 2 and float(np.ptp(outputs[inside, c])) < channel.step:
                 column = np.zeros((record.times.size, outputs.shape[1]))
                 column[inside, c] = channel.bias
                 columns.append(column)

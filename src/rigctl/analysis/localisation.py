@@ -297,21 +297,24 @@ def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
     table."""
     if fit.problem.measurements.table:
         return ()
+    normalised = {k: fit.normalised_error(k) for k in fit.fitted}
+    total = sum(float(np.nansum(values**2)) for values in normalised.values()) or 1.0
+    sizes = []
+    for k, values in normalised.items():
+        present = np.isfinite(values)
+        for p, samples in enumerate(fit.problem.records[k].samples_of_phases):
+            for c in range(values.shape[1]):
+                inside = samples[present[samples, c]]
+                if inside.size:
+                    sizes.append((_rms(values[inside, c]), k, p, c, inside))
     places = []
-    total = sum(float(np.nansum(values**2)) for values in map(fit.normalised_error, fit.fitted)) or 1.0
-    for k in fit.fitted:
-        values = fit.normalised_error(k)
-        record, white = fit.problem.records[k], whitened_errors(fit, k)
-        for p, phase in enumerate(record.phases):
-            for c, channel in enumerate(fit.problem.measurements.outputs):
-                inside = (record.phase == p) & np.isfinite(values[:, c])
-                if inside.any():
-                    part = values[inside, c]
-                    label = f"{channel} in {phase} of {record.label}"
-                    chance = _chance(fit, c, white[inside, c])
-                    share = float(np.sum(part**2)) / total
-                    places.append(Place("stretch", label, share, _rms(part), chance))
-    return tuple(sorted(_worst_of(places), key=lambda place: -place.rmse)[:count])
+    for size, k, p, c, inside in sorted(sizes, key=lambda one: -one[0])[:count]:
+        record = fit.problem.records[k]
+        label = f"{fit.problem.measurements.outputs[c]} in {record.phases[p]} of {record.label}"
+        share = float(np.sum(normalised[k][inside, c] ** 2)) / total
+        chance = _chance(fit, c, whitened_errors(fit, k)[inside, c])
+        places.append(Place("stretch", label, share, size, chance))
+    return tuple(_worst_of(places, examined=len(sizes)))
 
 
 def whitened_errors(fit: FitResult, k: int) -> Floats:
@@ -338,6 +341,7 @@ def _chance(fit: FitResult, column: int, white: Floats) -> float:
     return chi2_tail(float(np.sum(white**2)), white.size, known)
 
 
-def _worst_of(places: list[Place]) -> list[Place]:
-    """With Bonferroni's bound for the number of locations examined."""
-    return [replace(place, p_value=min(1.0, len(places) * place.p_value)) for place in places]
+def _worst_of(places: list[Place], examined: int | None = None) -> list[Place]:
+    """With Bonferroni's bound for the number of locations examined, by default these."""
+    count = len(places) if examined is None else examined
+    return [replace(place, p_value=min(1.0, count * place.p_value)) for place in places]

@@ -351,8 +351,7 @@ def _changes(none: FitResult, one: FitResult, other: FitResult, k: int) -> Chang
     first = np.where(ok, one.outputs[k] - none.outputs[k], 0.0) / sigma
     second = np.where(ok, other.outputs[k] - none.outputs[k], 0.0) / sigma
     changes = {}
-    for index, phase in enumerate(record.phases):
-        inside = record.phase == index
+    for phase, inside in zip(record.phases, record.samples_of_phases, strict=True):
         for c in range(first.shape[1]):
             a, b = first[inside, c], second[inside, c]
             changes[c, phase] = (float(a @ a), float(b @ b), float((a - b) @ (a - b)))

@@ -370,8 +370,8 @@ def _when(test: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
         courses = [_course(test, columns.courses[k], slot, k) for k in range(len(problem.records))]
         mean = float(np.mean(np.concatenate(courses) ** 2)) or 1.0
         for record, course in zip(problem.records, courses, strict=True):
-            for index, name in enumerate(record.phases):
-                inside = course[record.phase == index]
+            for name, samples in zip(record.phases, record.samples_of_phases, strict=True):
+                inside = course[samples]
                 if inside.size:
                     squares.setdefault(name, []).append(float(np.mean(inside**2)) / mean)
     return max(squares, key=lambda name: float(np.mean(squares[name])))

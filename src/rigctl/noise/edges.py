@@ -67,39 +67,37 @@ def find_edges(
     scale = np.broadcast_to(sigma, values.shape)[1:-1]
     sharp = (np.abs(bend) > THRESHOLD * _SECOND * scale) & (even[1:] & even[:-1])[:, None]
     bend = np.where(sharp, bend, 0.0)
-    ends = _run_ends(sharp)
-    marks = np.zeros(
-        (times.size + 1, values.shape[1]), dtype=np.int64
-    )  # +1 where a stretch begins, −1 after it
-    for switch, width in zip(switches.tolist(), half.tolist(), strict=True):
-        # `bend[i]` is the second difference at sample i + 1
-        reach = [switch - width - REACH * usual, switch + width + (REACH + 0.5) * usual]
-        first, last = np.searchsorted(times[1:-1], reach)
-        before = int(np.searchsorted(times, switch - width - 1e-6 * usual))
-        for channel in np.flatnonzero(sharp[first:last].any(axis=0)).tolist():
-            begin = first + int(np.argmax(sharp[first:last, channel]))
-            followed = begin + _FOLLOWED
-            if not _turns_back(bend[begin:followed, channel]):
-                continue
-            at = [(k, k + 1) for k in range(begin, min(followed, len(sharp))) if sharp[k, channel]]
-            for start, end in (*at, (followed, int(ends[min(followed, len(sharp)), channel]))):
-                if start < end and before < end + 2:
-                    marks[max(start, before), channel] += 1
-                    marks[end + 2, channel] -= 1
+    # `bend[i]` is the second difference at sample i + 1
+    first = np.searchsorted(times[1:-1], switches - half - REACH * usual)
+    last = np.searchsorted(times[1:-1], switches + half + (REACH + 0.5) * usual)
+    before = np.searchsorted(times, switches - half - 1e-6 * usual).tolist()
+    begins, ends = _next(sharp)[first], _next(~sharp)
+    # +1 where a stretch begins, −1 after it
+    marks = np.zeros((times.size + 1, values.shape[1]), dtype=np.int64)
+    for switch, channel in np.argwhere(begins < last[:, None]).tolist():
+        begin = int(begins[switch, channel])
+        followed = begin + _FOLLOWED
+        if not _turns_back(bend[begin:followed, channel]):
+            continue
+        at = [(k, k + 1) for k in range(begin, min(followed, len(sharp))) if sharp[k, channel]]
+        for start, end in (*at, (followed, int(ends[min(followed, len(sharp)), channel]))):
+            if start < end and before[switch] < end + 2:
+                marks[max(start, before[switch]), channel] += 1
+                marks[end + 2, channel] -= 1
     mask = np.cumsum(marks[:-1], axis=0) > 0
     return np.asarray(mask & (mask.mean(axis=0) <= _MOST))
 
 
-def _run_ends(sharp: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(n + 1, channels) for each second difference the first one from there on that is not sharp.
+def _next(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(n + 1, channels) the index of the next true flag from each place on; n where none follows.
 
-    Known in advance: where nearly all are sharp, following each switch to the end of its edge would take a
+    Known in advance: where nearly all are true, following each switch to the end of its edge would take a
     time proportional to the square of the record's length.
     """
-    count = len(sharp)
-    ends = np.where(sharp, count, np.arange(count)[:, None])
-    ends = np.concatenate([ends, np.full((1, sharp.shape[1]), count)])
-    return np.asarray(np.minimum.accumulate(ends[::-1], axis=0)[::-1])
+    count = len(flags)
+    places = np.where(flags, np.arange(count)[:, None], count)
+    places = np.concatenate([places, np.full((1, flags.shape[1]), count)])
+    return np.asarray(np.minimum.accumulate(places[::-1], axis=0)[::-1])
 
 
 def _turns_back(bend: NDArray[np.float64]) -> bool:

@@ -27,7 +27,7 @@ def phases_of(
     `units` are those in which the inputs are shown. A record without a switch is divided into an early, a
     middle and a late part instead.
     """
-    changes = [0, *(k for k in range(1, len(inputs)) if not np.array_equal(inputs[k], inputs[k - 1]))]
+    changes = [0, *(np.flatnonzero((inputs[1:] != inputs[:-1]).any(axis=1)) + 1).tolist()]
     index = np.searchsorted(switch_times[changes[1:]], times, side="left")
     used = np.unique(index)
     if used.size == 1 and times.size >= _ENOUGH:

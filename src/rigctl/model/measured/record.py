@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,17 @@ class MeasuredRecord:
     def ramps(self) -> Ramps | None:
         """The inputs that change continuously, in the engine's form."""
         return Ramps(np.array(self.along), self.knots, self.lines) if self.along else None
+
+    @cached_property
+    def samples_of_phases(self) -> tuple[Integers, ...]:
+        """For each phase the indices of its samples, in order; empty for one between two samples.
+
+        A mask of all samples for each phase would take a time proportional to the square of the length of a
+        record with a command at every sample.
+        """
+        order = np.argsort(self.phase, kind="stable")
+        starts = np.searchsorted(self.phase[order], np.arange(len(self.phases) + 1))
+        return tuple(order[first:last] for first, last in pairwise(starts.tolist()))
 
     @cached_property
     def rough_switches(self) -> Integers:
