@@ -11,7 +11,7 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 33
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "b2bf9f498d8c"
+FINGERPRINT = "f6c16b136a96"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 5
 #: hash of the code of this version of the search
