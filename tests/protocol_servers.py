@@ -360,7 +360,17 @@ class _Controller:
             await node.set_writable()
             aspace.set_attribute_value_callback(there, value, partial(self._read, name, kind))
             aspace.set_attribute_value_setter(there, value, partial(self._written, name))
+        clock = ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)
+        aspace.set_attribute_value_callback(clock, value, self._now)
+        aspace.set_attribute_value_setter(clock, value, lambda *_: None)  # the library writes it every second
         await server.start()
+
+    def _now(self, *_: object) -> Any:
+        from asyncua import ua
+
+        here = self.served.stopped or datetime.now(UTC).replace(microsecond=0)  # once a second
+        here += timedelta(seconds=self.served.skew)
+        return ua.DataValue(ua.Variant(here, ua.VariantType.DateTime), ServerTimestamp=here)
 
     def _read(self, name: str, kind: Any, *_: object) -> Any:
         from asyncua import ua
@@ -375,7 +385,7 @@ class _Controller:
             ua.Variant(value, ua.VariantType.String if isinstance(value, str) else kind),
             StatusCode=ua.StatusCode(getattr(ua.StatusCodes, served.statuses.get(name, "Good"))),
             SourceTimestamp=served.frozen or here,
-            ServerTimestamp=here,
+            ServerTimestamp=(served.frozen if served.caching else None) or here,
         )
 
     def _written(self, name: str, _node: object, _attribute: object, value: Any) -> None:
@@ -394,12 +404,16 @@ class OpcUaServer(Server):
     ----------
     beats: how often its heartbeat has changed.
     frozen: its sources have stopped, and their last time stamp stays; may be set at any time.
+    caching: it returns the server time stamp of a value that was read earlier, too; may be set at any time.
+    stopped: its own clock stands still; may be set at any time.
     skew: s by which the controller's clock is ahead of this computer's; may be set at any time.
     statuses: status codes other than "Good", by name of the node; may be changed at any time.
     """
 
     beats = 0
     frozen: datetime | None = None
+    stopped: datetime | None = None
+    caching = False
     skew = 0.0
 
     def __init__(self, rig: Rig) -> None:

@@ -68,7 +68,7 @@ def with_lines(old: str, new: str) -> Rig:
 
 def test_opening_checks_the_identity_and_switches_outputs_off_first(board: Board) -> None:
     assert board.bench.identity["firmware"] == "1.4.0 Arduino Uno"
-    assert board.sketch.received == ["VER", "X", "Q1 0.00", "Q2 0.00"]
+    assert board.sketch.received == ["VER", "X", "Q1 0.00", "Q2 0.00", "R1", "R2"], "and reads them back"
 
 
 def test_a_device_that_answers_just_within_the_timeout_is_opened(make: Callable[..., Board]) -> None:
@@ -92,7 +92,7 @@ def test_a_late_identity_is_not_taken_as_the_answer_to_the_commands_that_make_sa
     board = make(with_lines('{send: X, reply: "{_}"}', "{send: X, reply: X}"), kind=Starting)
     assert not delays
     assert board.bench.identity["firmware"] == "1.4.0 Arduino Uno"
-    assert board.sketch.received[-3:] == ["X", "Q1 0.00", "Q2 0.00"]
+    assert board.sketch.received[-5:] == ["X", "Q1 0.00", "Q2 0.00", "R1", "R2"]
 
 
 def test_samples_hold_the_answers_of_the_board_at_the_requested_rate(board: Board) -> None:
@@ -308,7 +308,7 @@ def test_one_query_can_read_several_channels_from_an_answer_of_several_lines(
     board.bench.start(2.0)
     board.bench.command("heater_2", 0.25).wait()
     samples = board.samples(3)
-    assert board.sketch.received.count("SCAN") == 3
+    assert board.sketch.received.count("SCAN") == 1 + 3, "it is read back once while opening"
     assert samples[-1].commands == (0.0, 0.25)
     assert samples[-1].values[0] == pytest.approx(294.0, abs=1.0)
 

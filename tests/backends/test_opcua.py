@@ -62,6 +62,24 @@ def test_an_old_value_by_the_server_s_clock_counts_as_missing(server: OpcUaServe
             bench.next_sample(1.0)
 
 
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_cached_value_is_as_old_as_its_source_although_the_server_stamps_it_alike(
+    server: OpcUaServer, stopped: bool
+) -> None:
+    """The server's present time tells, or, if that stands still too, how long it has."""
+    with opened(server) as bench:
+        server.caching, server.frozen = True, datetime.now(UTC)
+        server.stopped = server.frozen if stopped else None
+        sample = bench.next_sample(bench.clock.now() + 2.0)
+        while sample is None or not sample.values[AGE] > 2.5:
+            sample = bench.next_sample(1.0) or sample
+        assert math.isnan(sample.values[PRESSURE])
+        server.caching, server.frozen, server.stopped = False, None, None
+        while math.isnan(sample.values[PRESSURE]):
+            sample = bench.next_sample(1.0) or sample
+        assert abs(sample.values[AGE]) < 0.5
+
+
 @pytest.mark.parametrize("value", [math.inf, -math.inf])
 def test_an_infinite_value_is_missing_and_the_others_are_not(
     server: OpcUaServer, monkeypatch: pytest.MonkeyPatch, value: float
@@ -111,7 +129,7 @@ def test_a_text_value_counts_as_a_missing_reading(
 
 def wired(node: str) -> Rig:
     """The rig with its relief valve at another node, in tenths of a bar."""
-    text = RIG.text.replace('s=Circuit.ReliefValve"}', f's=Circuit.{node}", scale: 0.1}}')
+    text = RIG.text.replace('s=Circuit.ReliefValve"}', f's=Circuit.{node}", scale: 0.1, readback: false}}')
     assert text != RIG.text
     return parse_rig(text)
 

@@ -22,7 +22,8 @@ from rigctl.clock import VirtualClock
 from tclab_board import MemoryPort, Sketch
 
 URL = "/dev/ttyACM0"
-SAFE = (SafeOrder(b"X\n", ("{_}",)), SafeOrder(b"Q1 0.00\n", ("{value}",), "0.00"))
+ADDRESS = Address("serial", URL, {"baud": 9600, "frame": "8N1"})
+SAFE = (SafeOrder(b"X\n", ("{_}",)), SafeOrder(b"Q1 0.00\n", ("{value}",), {"value": ("0.00",)}))
 
 
 @pytest.fixture
@@ -47,14 +48,14 @@ class Line:
         return MemoryPort(self.sketch, self.clock)
 
     def retry_until_safe(self) -> bool:
-        orders = Orders(Address("serial", URL, {"baud": 9600, "frame": "8N1"}), SAFE, 2.0)
+        orders = Orders(ADDRESS, SAFE, 2.0)
         return SafeStateRetries(orders, self.clock, self.open, lambda: False).carry_out(None)
 
 
 @pytest.mark.parametrize("obstacle", ["draft", "folder", "none"])
 def test_a_guard_keeps_trying_when_its_notice_cannot_be_written(folder: Path, obstacle: str) -> None:
     if obstacle == "draft":  # the folder is there, and nothing can be written to it: as on a full disk
-        safe_state_retries._path_of(URL).with_suffix(".tmp").mkdir(parents=True)
+        safe_state_retries._path_of(ADDRESS.key).with_suffix(".tmp").mkdir(parents=True)
     elif obstacle == "folder":
         folder.write_text("no folder", encoding="utf-8")
     line = Line(3)
@@ -69,7 +70,7 @@ def test_a_guard_stops_trying_when_its_notice_is_removed(folder: Path) -> None:
 
     def taken() -> Port:
         if line.attempts < 998:
-            assert take_over(URL) is not None
+            assert take_over(ADDRESS.key) is not None
         return opened()
 
     line.open = taken  # type: ignore[method-assign]
@@ -89,7 +90,7 @@ def leave(folder: Path, **fields: object) -> None:
         "attempts": 7,
     }
     folder.mkdir(exist_ok=True)
-    safe_state_retries._path_of(URL).write_text(json.dumps({**notice, **fields}), encoding="utf-8")
+    safe_state_retries._path_of(ADDRESS.key).write_text(json.dumps({**notice, **fields}), encoding="utf-8")
 
 
 def said() -> str:

@@ -16,8 +16,16 @@ from own_process import begin, rigctl
 from patience import patient
 from rigctl.backends.transport.safe_state_retries import Notice
 from rigctl.files.shipped import shipped
-from tclab_board import Served
+from tclab_board import Served, Sketch
 
+SWITCHING = """\
+procedure: heating
+rig: board.yaml
+steps:
+  - set: {heater_1: 60 %}
+  - wait: 2 s
+  - set: {heater_1: 0 %}
+"""
 HEATING = """\
 procedure: heating
 rig: board.yaml
@@ -62,6 +70,11 @@ def after(lines: list[str], line: str) -> list[str]:
 def guards(project: Path) -> list[Notice]:
     files = (project / "state" / "rigctl" / "guards").glob("*.json")
     return [Notice(**json.loads(path.read_text(encoding="utf-8"))) for path in files]
+
+
+def lie(board: Served) -> None:
+    """From now on 'off' is acknowledged, and not carried out."""
+    board.sketch.always |= {"X": b"X\r\n", "Q1 0.00": b"0.00\r\n"}
 
 
 @pytest.mark.parametrize("how", ["mute", "unplugged"])
@@ -138,6 +151,66 @@ def test_a_device_with_a_different_answer_is_not_considered_safe(board: Served, 
     board.sketch.always.clear()
     wait_for(lambda: guards(project) == [])
     assert board.sketch.heaters == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("how", ["unplugged", "on the same line"])
+def test_the_guard_leaves_another_device_alone_and_goes_on_looking_for_its_own(
+    board: Served, project: Path, how: str
+) -> None:
+    with begin(project, "run", "heating.yaml", "--port", board.url) as run:
+        wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
+        if how == "unplugged":
+            board.unplugged = True
+            time.sleep(0.5)
+        mine, neighbour = board.sketch, Sketch(lambda: 0.0)
+        neighbour.always["VER"] = b"TCLab Firmware 1.4.0 of the neighbour\r\n"
+        neighbour.take(b"Q1 77\nQ2 33\n")
+        board.sketch = neighbour
+        board.unplugged = False
+        out, err = run.communicate(timeout=600)
+    assert run.returncode == 1
+    log = next((project / "runs").glob("*/log.jsonl")).read_text(encoding="utf-8")
+    assert "another device answers than before" in log
+    assert "OUTPUTS NOT CONFIRMED SAFE: heater_1" in " ".join((out + err).split())
+    wait_for(lambda: [guard for guard in guards(project) if guard.attempts > 1])
+    assert neighbour.heaters == (77.0, 33.0)
+    asked = set(neighbour.received[2:])
+    assert asked <= {"VER"} | ({"T1", "T2", "R1", "R2"} if how == "on the same line" else set())
+    (guard,) = guards(project)
+    assert guard.identity == {"firmware": "1.4.0 Arduino Uno"}
+    assert "neighbour" in guard.trouble
+    board.sketch = mine
+    wait_for(lambda: mine.heaters == (0.0, 0.0))
+    wait_for(lambda: guards(project) == [])
+
+
+def test_an_acknowledged_off_that_is_not_carried_out_is_reported_however_the_run_ends(
+    board: Served, project: Path
+) -> None:
+    """Also when the procedure itself has switched off last, and was answered."""
+    (project / "heating.yaml").write_text(SWITCHING, encoding="utf-8")
+    run = begin(project, "run", "heating.yaml", "--port", board.url, "--json")
+    wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
+    lie(board)
+    out, err = run.communicate(timeout=600)
+    answer = json.loads(out)
+    assert (run.returncode, answer["status"], answer["unconfirmed"]) == (1, "failed", "heater_1 60 %")
+    assert "OUTPUTS NOT CONFIRMED SAFE" in err
+    kept = json.loads((Path(answer["path"]) / "run.json").read_text(encoding="utf-8"))
+    assert kept["unconfirmed"] == "heater_1 60 %"
+    page = (project / "page.html", "report", Path(answer["path"]).name)
+    assert rigctl(project, *page[1:], "--output", str(page[0]))[0] == 0
+    assert "heater_1 60 % may still be on" in page[0].read_text(encoding="utf-8")
+    wait_for(lambda: any("'60.00' to" in guard.trouble for guard in guards(project)))
+
+    code, out, _ = rigctl(project, "off", "--rig", "board.yaml", "--port", board.url, "--json")
+    told = json.loads(out)
+    assert (code, told["confirmed"]) == (1, False)
+    assert "heater_1 is 60 %, though it was commanded to be 0 %" in told["known_by"]
+    wait_for(lambda: guards(project))  # 'rigctl off' leaves a guard behind as well
+    board.sketch.always.clear()
+    wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
+    wait_for(lambda: guards(project) == [])
 
 
 def test_check_warns_of_a_device_without_a_watchdog(project: Path) -> None:

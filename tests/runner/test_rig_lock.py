@@ -14,13 +14,15 @@ import pytest
 
 from rigctl.clock import VirtualClock
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.rig import load_rig
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig, parse_rig
 from rigctl.runner import rig_lock as locks
 from rigctl.runner.automatic_operator import AutomaticOperator
+from rigctl.runner.bench_access import Access, held
 from rigctl.runner.launch import Launch
 from rigctl.runner.manual import watch
 from rigctl.runner.requests import Request
-from rigctl.runner.rig_lock import RigLock, read_owner
+from rigctl.runner.rig_lock import RigLock, owners, read_owner
 from rigctl.runner.snapshot import View
 from rigctl.runner.switch_off import switch_off
 
@@ -164,3 +166,36 @@ def test_a_monitor_keeps_its_bench_and_ends_when_it_is_taken_over(
     assert switch_off(rig, replace(how, clock=VirtualClock())).done.startswith("outputs are safe")
     with pytest.raises(RigctlError, match="taken the bench"):
         list(readings)
+
+
+def test_one_address_is_locked_whatever_the_bench_is_called(tmp_path: Path) -> None:
+    with (
+        RigLock("oven", "a run", tmp_path, key="tcp 127.0.0.1 7018"),
+        pytest.raises(RigctlError, match="'oven B' is in use, as 'oven', by a run"),
+    ):
+        RigLock("oven B", "another", tmp_path, key="tcp 127.0.0.1 7018").__enter__()
+
+
+def test_equal_benches_at_other_addresses_exclude_nobody(tmp_path: Path) -> None:
+    with (
+        RigLock("oven", "a run", tmp_path, key="tcp 127.0.0.1 7018"),
+        RigLock("oven", "another", tmp_path, key="tcp 127.0.0.1 7019"),
+        RigLock("oven", "a simulation", tmp_path),
+    ):
+        assert [owner.purpose for owner in owners("oven", tmp_path)] == ["a simulation", "a run", "another"]
+        assert owners("another oven", tmp_path) == []
+
+
+def access(tmp_path: Path, **options: object) -> Access:
+    return Access(runs=tmp_path / "runs", lock_folder=tmp_path, options=options)
+
+
+def test_the_lock_of_a_device_on_the_network_is_on_its_address(tmp_path: Path) -> None:
+    rig = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
+    renamed = parse_rig(rig.text.replace(f"name: {rig.name}", "name: another name"))
+    with held(rig, "a run", access(tmp_path, port="localhost:1502")):
+        other = access(tmp_path, port="127.0.0.1:1502")
+        with pytest.raises(RigctlError, match="is in use"), held(renamed, "b", other):
+            pass
+        with held(rig, "c", access(tmp_path, port="localhost:1503")):
+            pass

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rigctl.errors import ExitCode, Location, RigctlError
 
 
@@ -20,6 +22,17 @@ class BackendLost(RigctlError):
         super().__init__(
             what, value=value, expected=expected, hint=hint, where=where, exit_code=ExitCode.FAILED
         )
+
+
+class OutputsNotSafe(BackendLost):
+    """The bench has not confirmed that its outputs are safe.
+
+    `outputs` are those that may be on as far as the bench knows, with the SI values that they may have.
+    """
+
+    def __init__(self, what: str, outputs: Mapping[str, float]) -> None:
+        super().__init__(what)
+        self.outputs = dict(outputs)
 
 
 class OutOfReach(BackendLost):

@@ -46,12 +46,8 @@ def create_backend(
     RigctlError
         there is no such backend, or an option is unknown or wrong.
     """
-    name = choice or rig.backend.kind
-    if name not in _MODULES:
-        raise unknown_name("backend", name, _MODULES)
-    from_rig = rig.backend.options if name == rig.backend.kind else {}
-    create = import_module(_MODULES[name]).create
-    backend: Backend = create(rig, clock, {**from_rig, **(options or {})})
+    name, settings = _chosen(rig, choice, options)
+    backend: Backend = import_module(_MODULES[name]).create(rig, clock, settings)
     return backend
 
 
@@ -63,11 +59,35 @@ def address_of(rig: Rig, port: str | None) -> Address:
     RigctlError
         the file names no device on a port, or an option is wrong.
     """
-    module = import_module(_MODULES[rig.backend_named()])
-    if not hasattr(module, "address_of"):
+    address = address_with(rig, rig.backend_named(), {} if port is None else {"port": port})
+    if address is None:
         raise RigctlError(f"the rig '{rig.name}' is on no port", value=rig.backend.kind)
-    address: Address = module.address_of(rig, {} if port is None else {"port": port})
     return address
+
+
+def address_with(rig: Rig, choice: str | None, options: Mapping[str, object]) -> Address | None:
+    """Return the address that `create_backend` would open; None for a backend that is on no port.
+
+    Raises
+    ------
+    RigctlError
+        as `create_backend`.
+    """
+    name, settings = _chosen(rig, choice, options)
+    module = import_module(_MODULES[name])
+    address: Address | None = module.address_of(rig, settings) if hasattr(module, "address_of") else None
+    return address
+
+
+def _chosen(
+    rig: Rig, choice: str | None, options: Mapping[str, object] | None
+) -> tuple[str, dict[str, object]]:
+    """Return the name of a backend, and its options."""
+    name = choice or rig.backend.kind
+    if name not in _MODULES:
+        raise unknown_name("backend", name, _MODULES)
+    from_rig = rig.backend.options if name == rig.backend.kind else {}
+    return name, {**from_rig, **(options or {})}
 
 
 def other_readings(rig: Rig) -> Iterator[tuple[str, Rig]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from rigctl.dataset.writer_lock import lock_folder
 
 #: version of the format of a run's folder
 FORMAT: Final = 2
+FINISHED: Final = "finished"
 #: files with a checksum in run.json; annotations.jsonl only if it exists
 CHECKED: Final = (samples_file.NAME, records_file.RECORDS, records_file.EVENTS, log.NAME, ANNOTATIONS)
 
@@ -60,12 +61,31 @@ def finalise(folder: Path) -> dict[str, Any]:
         files = _files(folder, CHECKED)
         if files.get(ANNOTATIONS) == known.get(ANNOTATIONS):
             break  # otherwise one has just been added by another program, and is not in the table
+    cut_short = [
+        entry.index for entry in history.records if entry.session == number and entry.outcome == DAMAGED
+    ]
+    lost = facts.losses[number].rows if number in facts.losses else 0
     info = {**_summary(history, facts, missing), "annotations": as_data(annotations), "files": files}
+    if history.status == FINISHED and info["reason"] is None:
+        info["reason"] = _damage(cut_short, max(missing, lost) if cut_short else lost, history.damaged_lines)
     run_json.write_info(folder, info)
-    cut_short = any(entry.outcome == DAMAGED for entry in history.records if entry.session == number)
-    lost = number in facts.losses and facts.losses[number].rows > 0
-    set_aside_journal(folder, number, misses=cut_short or lost)
+    set_aside_journal(folder, number, misses=bool(cut_short) or lost > 0)
     return info
+
+
+def _damage(records: Sequence[int], rows: int, lines: Collection[int]) -> str | None:
+    """Return what is missing from the files of a session that came to its end; None if nothing is."""
+    found = []
+    if rows:
+        which = f", of record {', '.join(map(str, records))}" if records else ""
+        found.append(f"{rows} samples{which}")
+    if lines:
+        found.append(f"{len(lines)} lines of its log")
+    return (
+        f"files of the run were damaged while it was in progress: {' and '.join(found)} are lost"
+        if found
+        else None
+    )
 
 
 def _files(folder: Path, names: Iterable[str]) -> dict[str, Any]:

@@ -114,6 +114,11 @@ class JournalWriter:
         """Wait until flushed rows are on the disk: a power failure then loses none."""
         os.fsync(self._file.fileno())
 
+    @property
+    def shortened(self) -> bool:
+        """Whether the file has fewer bytes than were written: something else has truncated it."""
+        return os.fstat(self._file.fileno()).st_size < self._whole
+
     def close(self) -> None:
         """Close the file without flushing; idempotent."""
         self._file.close()

@@ -280,6 +280,8 @@ class RunWriter:
             return self.folder
         self._closed = True
         ended = max(self._last_row[0], self._last_event)
+        if reason is None and self._journal_shortened():
+            reason = "the journal was truncated while the run was in progress: samples are lost"
         doubt = {} if unconfirmed is None else {"unconfirmed": unconfirmed}
         self._log.append({"time": ended, "kind": "end", "status": status, "reason": reason} | doubt)
         try:
@@ -292,6 +294,12 @@ class RunWriter:
         finally:
             self._lock.release()
         return self.folder
+
+    def _journal_shortened(self) -> bool:
+        try:
+            return self._journal.shortened
+        except OSError:  # `flush` will say what is wrong with the disk
+            return False
 
     def _make_tables(self) -> None:
         """Make the tables; if this fails, they can be made from the journal later."""

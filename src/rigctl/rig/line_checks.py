@@ -70,16 +70,18 @@ def _actuator(rig: Rig, name: str, part: LineActuator, keys: tuple[str | int, ..
             yield Problem((*keys, "reply"), unknown_name("place in the answer", place, (VALUE, "_")))
     positions = POSITIONS.get(actuator.kind)
     if positions is None:
-        if part.words is not None:
-            yield Problem(
-                (*keys, "words"), RigctlError("a level has no words", expected="'scale'"), of_key=True
-            )
+        for field in ("words", "answers"):
+            if getattr(part, field) is not None:
+                error = RigctlError("a level has no words", expected="'scale'")
+                yield Problem((*keys, field), error, of_key=True)
         yield from _scale(rig, name, part, keys)
         return
     if part.scale is not None:
         error = RigctlError(f"a {actuator.kind} has no scale", expected="'words'")
         yield Problem((*keys, "scale"), error, of_key=True)
     yield from position_problems("words", positions, part.words or {}, (*keys, "words"))
+    if part.answers is not None:
+        yield from position_problems("answers", positions, part.answers, (*keys, "answers"))
 
 
 def _scale(rig: Rig, name: str, part: LineActuator, keys: tuple[str | int, ...]) -> Iterator[Problem]:

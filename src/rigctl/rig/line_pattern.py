@@ -91,6 +91,16 @@ def resolution(text: str) -> float:
     return float(10.0 ** (int(exponent or 0) - decimals))
 
 
+def says(answer: str, expected: str) -> bool:
+    """Return whether an answer repeats a word or, as exactly as both are written, a number."""
+    if answer.casefold() == expected.casefold():
+        return True
+    said, meant = read_number(answer), read_number(expected)
+    if said is None or meant is None:
+        return False
+    return abs(said - meant) <= resolution(answer) + resolution(expected)
+
+
 def reply_pattern(text: str) -> ReplyPattern:
     """Return the pattern that a text describes.
 

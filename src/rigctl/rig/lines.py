@@ -79,6 +79,11 @@ class LineActuator(Exchange):
         default=None,
         description="for a switch or a directional valve: the words for its positions: {off: '0', on: '1'}",
     )
+    answers: dict[str, str] | None = Field(
+        default=None,
+        description="the words for its positions in the answers to queries, if they are others than those "
+        "of the command: {off: '0', on: '1'}",
+    )
     scale: tuple[FiniteFloat, FiniteFloat] | None = Field(
         default=None,
         description="for a level: the numbers for its low and high; by default the value in its unit",

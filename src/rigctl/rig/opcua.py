@@ -35,7 +35,7 @@ class ReadNode(Node):
     every: Every = None
     max_age: _Seconds | None = Field(
         default=None,
-        description="a value whose source timestamp differs by more from the server's clock is missing",
+        description="a value whose source timestamp is further from the server's present time is missing",
     )
     read: Literal["value", "age"] = Field(
         default="value", description="its value, or the age of its source timestamp in s"

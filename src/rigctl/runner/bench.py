@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from rigctl.backends.errors import OutOfReach
+from rigctl.backends.errors import OutOfReach, OutputsNotSafe
 from rigctl.backends.protocol import Backend, CommandReceipt, PendingCommand, Regulator
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, type_of_unit
@@ -57,6 +57,7 @@ class Bench:
         self.regulated: set[str] = set()  #: actuators that the step in progress commands repeatedly itself
         self._loops: set[str] = set()  # outputs that the bench itself commands in a closed loop
         self._changed = -1.0  # s, when a command was last given
+        self._driven: dict[str, float] = {}  # outputs that have been driven, and their last such value
         # the values at which nothing driven by a directional valve can move
         self._resting = {
             name: self.safe_value(name)
@@ -364,6 +365,8 @@ class Bench:
         try:
             self.backend.safe()
         except Exception as error:  # noqa: BLE001 - whatever it is, an ending continues
+            if isinstance(error, OutputsNotSafe):  # also outputs whose last command was the safe value
+                self.doubtful |= error.outputs
             if self.reachable:
                 self.event("fault", f"outputs could not be made safe from here: {error}")
             self.reachable = False
@@ -389,8 +392,8 @@ class Bench:
     def unconfirmed(self) -> str | None:
         """The outputs that may not be safe now, e.g. ``heater_1 60 %``; None if all are confirmed to be safe.
 
-        An output that was safe at the last contact is still safe, as nothing has been commanded since, unless
-        the bench itself commands it in a closed loop.
+        An output whose safe state was confirmed at the last contact is still safe, as nothing has been
+        commanded since, unless the bench itself commands it in a closed loop.
         """
         if self.reachable:
             return None
@@ -400,10 +403,18 @@ class Bench:
             if self.rig.actuators[name].by == "driven"
             and (value != self.safe_value(name) or name in self._loops)
         }
-        return (
-            ", ".join(f"{name} {self.rig.actuators[name].show(value)}" for name, value in doubts.items())
-            or None
-        )
+        return self._shown(doubts)
+
+    @property
+    def never_confirmed(self) -> str | None:
+        """The outputs driven by this run whose safe state nothing can confirm, as in `unconfirmed`: the bench
+        neither reports them nor answers their commands."""
+        known = self.backend.outputs_read | self.backend.outputs_answered
+        return self._shown({name: value for name, value in self._driven.items() if name not in known})
+
+    def _shown(self, outputs: Mapping[str, float]) -> str | None:
+        shown = (f"{name} {self.rig.actuators[name].show(value)}" for name, value in outputs.items())
+        return ", ".join(shown) or None
 
     def restorable_at(self, commands: Mapping[str, float]) -> float:
         """When every actuator has rested long enough for `restore`, s."""
@@ -425,6 +436,8 @@ class Bench:
             if self.commanded.get(name) != receipt.value:
                 self._switches[name] = latest
             self.commanded[name] = receipt.value
+            if self.rig.actuators[name].by == "driven" and receipt.value != self.safe_value(name):
+                self._driven[name] = receipt.value
             self._known[name] = receipt.time
             self.history.begin_phase(receipt.time)
         self._changed = max(self._changed, receipt.time)

@@ -13,7 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rigctl.backends.protocol import Backend
-from rigctl.backends.registry import create_backend
+from rigctl.backends.registry import address_with, create_backend
+from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock, ScaledClock, VirtualClock, real_clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
@@ -128,5 +129,28 @@ def held(rig: Rig, purpose: str, how: Access) -> Iterator[RigLock | None]:
     if not how.exclusive:
         yield None
         return
-    with RigLock(rig.name, purpose, how.lock_folder) as lock:
+    with rig_lock(rig, purpose, how) as lock:
         yield lock
+
+
+def rig_lock(rig: Rig, purpose: str, how: Access, *, at_any_cost: bool = False) -> RigLock:
+    """The lock of a bench, not yet taken: on its address, or on its name if it has none.
+
+    Raises
+    ------
+    RigctlError
+        an option is wrong, or no port is given.
+    """
+    key = "" if (address := address_in(rig, how)) is None else address.key
+    return RigLock(rig.name, purpose, how.lock_folder, key=key, at_any_cost=at_any_cost)
+
+
+def address_in(rig: Rig, how: Access) -> Address | None:
+    """The address of a real bench; None if it exists only in this process.
+
+    Raises
+    ------
+    RigctlError
+        as `rig_lock`.
+    """
+    return address_with(rig, how.backend, how.options)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Self
 from uuid import uuid4
 
 from rigctl.backends.processes import process_exists
+from rigctl.backends.transport.address_key import file_name
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import read_text
@@ -72,16 +73,19 @@ class RigLock:
     rig: the bench's name.
     purpose: what it is needed for, shown to others.
     folder: of the locks; by default the user's state folder.
+    key: of the address of a real bench, see `rigctl.backends.transport.address.Address`. Two rig files with
+        one address exclude each other, equal rig files with different addresses do not. A bench without an
+        address is known by its name.
     at_any_cost: take it from its owner, and continue without it if it cannot be written: to make a bench
         safe. The owner notices at its next heartbeat, and ends.
     """
 
     def __init__(
-        self, rig: str, purpose: str, folder: Path | None = None, *, at_any_cost: bool = False
+        self, rig: str, purpose: str, folder: Path | None = None, *, key: str = "", at_any_cost: bool = False
     ) -> None:
         self._rig = rig
         self._purpose = purpose
-        self._path = (folder or _state_folder()) / f"{slug(rig)}.json"
+        self._path = (folder or _state_folder()) / f"{file_name(key) if key else slug(rig)}.json"
         self._at_any_cost = at_any_cost
         self._token = uuid4().hex
         self._next_beat = 0.0
@@ -102,8 +106,10 @@ class RigLock:
             with self._guard():
                 owner = read_owner(self._path)
                 if owner is not None and owner.alive and not self._at_any_cost:
+                    other = f", as '{owner.rig}'," if owner.rig != self._rig else ""
+                    who = f"{owner.purpose} (process {owner.pid} on {owner.host})"
                     raise RigctlError(
-                        f"'{self._rig}' is in use by {owner.purpose} (process {owner.pid} on {owner.host})",
+                        f"'{self._rig}' is in use{other} by {who}",
                         hint="Wait until it ends, or end it with 'rigctl off'",
                         exit_code=ExitCode.FAILED,
                     )
@@ -197,6 +203,12 @@ class RigLock:
         draft = self._path.with_suffix(".tmp")
         draft.write_text(json.dumps(asdict(owner)), encoding="utf-8", newline="\n")
         replace_file(draft, self._path, _PATIENCE)
+
+
+def owners(rig: str, folder: Path | None = None) -> list[Owner]:
+    """The programs that command benches of a name, at whatever addresses."""
+    found = (read_owner(path) for path in sorted((folder or _state_folder()).glob("*.json")))
+    return [owner for owner in found if owner is not None and owner.alive and owner.rig == rig]
 
 
 def read_owner(path: Path) -> Owner | None:

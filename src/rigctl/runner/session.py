@@ -55,8 +55,8 @@ class RunResult:
     folder: the run's folder; None where nothing was recorded.
     records: number of complete records, those of earlier sessions included.
     duration: s of bench time.
-    unconfirmed: outputs that may still be on, because the bench could not be reached at the end; None if it
-        has confirmed that they are safe.
+    unconfirmed: outputs that may still be on, because the bench has not confirmed that they are safe, or
+        cannot; None if it has.
     by_hand: what the operator then has to do.
     warnings: where a simulated bench left the ranges of validity of its effects.
     test: whether the device under test has passed, over all sessions; None if nothing was recorded.
@@ -213,7 +213,7 @@ class _Session:
         """Close the bench and the data, and report the result."""
         duration = self._bench.now
         status, event, reason, code = self._verdict(ending)
-        unconfirmed, by_hand = self._bench.unconfirmed, None
+        unconfirmed, by_hand = self._unconfirmed, None
         if unconfirmed is not None:
             by_hand = f"switch it off by hand, at its supply; {self._backend.without_host}"
             message = f"OUTPUTS NOT CONFIRMED SAFE: {unconfirmed} may still be on: {by_hand}"
@@ -235,6 +235,9 @@ class _Session:
             message = reason or ""  # a full disk is reported once
             reason = message if why in message else "; ".join(filter(None, (message, why)))
             status, code = "failed" if status == "finished" else status, code or ExitCode.FAILED
+        damage = _damaged(self._writer.folder) if reason is None else None
+        if damage is not None:
+            reason, code = damage, ExitCode.FAILED
         self._tick()
         for control in self._controls:
             with suppress(Exception):
@@ -247,6 +250,12 @@ class _Session:
         return RunResult(
             status, reason, code, folder, records, duration, unconfirmed, by_hand, warnings, test
         )
+
+    @property
+    def _unconfirmed(self) -> str | None:
+        """The outputs that may still be on at the end of the run; None if all are confirmed to be safe."""
+        found = filter(None, (self._bench.unconfirmed, self._bench.never_confirmed))
+        return ", ".join(found) or None
 
     def _arm(self, driver: Driver) -> None:
         """Read the bench and check the interlocks before anything moves.
@@ -347,7 +356,7 @@ class _Session:
             asked=str(bench.question) if bench.question else None,
             remote=isinstance(bench.operator, RemoteOperator),
             message=self._message,
-            unconfirmed=bench.unconfirmed,
+            unconfirmed=bench.unconfirmed if self._secured is None else self._unconfirmed,
         )
 
 
@@ -356,6 +365,17 @@ def _refuse_impossible(plan: Plan, bench: Bench) -> None:
     for node in all_nodes(plan):
         if isinstance(node, Leaf) and (refused := node.action.refusal(bench)) is not None:
             raise refused.at(node.where)
+
+
+def _damaged(folder: Path | None) -> str | None:
+    """What the files of a run that finished lack; None if they are complete, or there are none."""
+    if folder is None:
+        return None
+    try:
+        reason: str | None = read_info(folder).get("reason")
+    except RigctlError as error:
+        return str(error)
+    return reason
 
 
 def _judged(folder: Path | None) -> Judgement | None:

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
 
-from rigctl.backends.errors import BackendLost, BenchTripped
+from rigctl.backends.errors import BackendLost, BenchTripped, OutputsNotSafe
 from rigctl.backends.protocol import Backend
 from rigctl.dataset.catalogue import run_folders
 from rigctl.dataset.run_json import read_info
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
-from rigctl.runner.bench_access import UNREAL, Access, opened
+from rigctl.runner.bench_access import UNREAL, Access, address_in, opened, rig_lock
 from rigctl.runner.remote_control import send
 from rigctl.runner.requests import Request
-from rigctl.runner.rig_lock import RigLock
+from rigctl.runner.rig_lock import owners
 
 #: s of wall time for a run to answer, and again to report that its outputs are safe
 _ANSWER = 0.8
@@ -57,14 +57,14 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
     RigctlError
         the bench cannot be reached, or its outputs differ from the commands.
     """
-    owner = RigLock(rig.name, "", how.lock_folder).owner() if how.exclusive else None
-    folders = [Path(owner.run)] if owner is not None and owner.run else []
-    holder = folders[0] if folders else None
-    folders += [folder for folder in _in_progress(rig, how.runs) if folder not in folders]
-    ended, safe_by_run = [], False
+    at_address, holders = _holders(rig, how) if how.exclusive else (None, [])
+    folders = holders + [folder for folder in _in_progress(rig, how) if folder not in holders]
+    ended, safe = [], set[Path]()
     give_up = monotonic() + _ALL_ANSWERS
     for folder in folders:
-        if folder != holder and monotonic() > give_up:  # many that do not answer must not delay the bench
+        if (
+            folder not in holders and monotonic() > give_up
+        ):  # many that do not answer must not delay the bench
             ended.append(f"{folder.name}: not asked")
             continue
         try:
@@ -72,21 +72,25 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
         except RigctlError as error:
             answer = error.what
         else:
-            safe_by_run = safe_by_run or (folder == holder and _made_safe(folder))
+            safe |= {folder} if folder in holders and _made_safe(folder) else set()
         ended.append(f"{folder.name}: {answer}")
     if (how.backend or rig.backend.kind) in UNREAL:
         return _nothing_real(rig, how, folders, ended)
-    if safe_by_run:
-        return SwitchedOff(
-            "; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended)
-        )
-    done, confirmed, known_by = _switch_off_here(rig, how)
+    by_run = SwitchedOff("; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended))
+    if at_address is not None and at_address in safe:
+        return by_run
+    try:
+        done, confirmed, known_by = _switch_off_here(rig, how)
+    except RigctlError:
+        if holders and safe.issuperset(holders):  # it has another port than that of the rig file
+            return by_run
+        raise
     return SwitchedOff("; ".join([*ended, done]), confirmed, known_by, tuple(ended))
 
 
 def _nothing_real(rig: Rig, how: Access, folders: list[Path], ended: list[str]) -> SwitchedOff:
     """A bench that exists only in the process that uses it: it ends together with that process."""
-    with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
+    with rig_lock(rig, "'rigctl off'", how, at_any_cost=True):
         pass  # a program that moves or monitors it by hand loses it
     if not all(_made_safe(folder) for folder in folders):
         known_by = "a run has not said that its outputs are safe"
@@ -103,16 +107,40 @@ def _safe_state(rig: Rig) -> str:
     return ", ".join(f"{name} {rig.actuators[name].show(float(at))}" for name, at in rig.safe_state.items())
 
 
-def _in_progress(rig: Rig, runs: Path) -> list[Path]:
+def _elsewhere(rig: Rig, how: Access) -> bool:
+    """Whether the bench was named by another port than that of its rig file: runs on other ports continue."""
+    port = how.options.get("port")
+    return port is not None and port != rig.backend.port
+
+
+def _holders(rig: Rig, how: Access) -> tuple[Path | None, list[Path]]:
+    """The run at this address, and the runs with benches of its name, unless another port was given."""
+    try:
+        owner = rig_lock(rig, "", how).owner()
+    except RigctlError:  # no port: a run was given one, and is found by the name of the bench
+        owner = None
+    found = [] if owner is None else [owner]
+    if not _elsewhere(rig, how):
+        found += owners(rig.name, how.lock_folder)
+    runs = list(dict.fromkeys(Path(one.run) for one in found if one.run))
+    return Path(owner.run) if owner is not None and owner.run else None, runs
+
+
+def _in_progress(rig: Rig, how: Access) -> list[Path]:
     """Runs in progress on a bench of this name, from this project."""
+    address = address_in(rig, how) if _elsewhere(rig, how) else None
     folders = []
-    for folder in reversed(run_folders(runs)):
+    for folder in reversed(run_folders(how.runs)):
         state = read_state(folder)
         if state is None or not state.fresh or state.fields.get("state") in _ENDED:
             continue
         with suppress(RigctlError):
-            rig_entry = read_info(folder).get("rig")
-            if isinstance(rig_entry, dict) and rig_entry.get("name") == rig.name:
+            info = read_info(folder)
+            rig_entry, backend = info.get("rig"), info.get("backend")
+            port = backend.get("port") if isinstance(backend, dict) else None
+            if not (isinstance(rig_entry, dict) and rig_entry.get("name") == rig.name):
+                continue
+            if address is None or not isinstance(port, str) or address.same_place(port):
                 folders.append(folder)
     return folders
 
@@ -133,7 +161,7 @@ def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
     """Switch off; return a description, whether it is confirmed, and the source of the confirmation."""
     notices = ""
     confirmed, known_by = True, "the bench has answered each command"
-    with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
+    with rig_lock(rig, "'rigctl off'", how, at_any_cost=True):
         try:
             with opened(rig, how) as backend:
                 backend.safe()
@@ -142,6 +170,10 @@ def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
                 notices = "".join(f"; {notice.message}" for notice in backend.take_notices())
         except BenchTripped as tripped:
             notices = f"; {tripped.what}; '--clear-trips' clears it once its cause is gone"
+        except OutputsNotSafe as error:
+            known_by = f"{error.what}; switch it off by hand, at its supply"
+            done = f"OUTPUTS NOT CONFIRMED SAFE, commanded: {_safe_state(rig)} ({known_by})"
+            return done, False, known_by
         except BackendLost as lost:
             raise BackendLost(
                 lost.what,

@@ -9,15 +9,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from rigctl.backends.errors import BackendLost, OutOfReach
+from rigctl.backends.lines.error_queue import errors_in_queue
 from rigctl.backends.lines.handshake import handshake
 from rigctl.backends.lines.poll import Poll
+from rigctl.backends.lines.safe_state import SafeState
 from rigctl.backends.lines.setting import Setter
 from rigctl.backends.lines.talk import Talk
 from rigctl.backends.protocol import CommandReceipt, PendingCommand, Sample
 from rigctl.backends.transport.bench import PortBench
 from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
-from rigctl.backends.transport.guard_port import GuardActed
-from rigctl.backends.transport.port import Connect, Port, PortLost, Refused
+from rigctl.backends.transport.guard_port import GuardActed, GuardedPort
+from rigctl.backends.transport.port import AnotherDevice, Connect, NotConfirmed, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification
 from rigctl.backends.transport.safe_commands import Duty, Outputs
 from rigctl.clock import Clock
@@ -83,6 +85,8 @@ class LineBench(PortBench[Talk]):
         self._duty = duty or Duty()
         self.without_host = without_host
         self._setter = Setter(rig, lines)
+        self._safe_state = SafeState(rig, lines, self._setter, clock, self._guard_acted)
+        self._on: dict[str, float] = {}  # outputs not confirmed to be safe since they were commanded, SI
         self._poll = Poll(rig, lines, clock, self._outbox)
         self._start = 0.0
         self._index = 0
@@ -90,6 +94,7 @@ class LineBench(PortBench[Talk]):
         self._order: _Order | None = None  # the command that it sends, if it sends one
         self._orders: deque[_Order] = deque()  # commands to be sent next
         self._interrupted = False  # a query was in progress when `safe` was called; its answer is not awaited
+        self._exchanged = False  # another device may be on the line: it is identified before any command
         self._distrust = ""  # why the device can no longer be trusted; empty if it can
 
     @property
@@ -100,11 +105,16 @@ class LineBench(PortBench[Talk]):
     @property
     def outputs_answered(self) -> frozenset[str]:
         """Actuators whose commands the device answers, according to the rig file."""
-        return frozenset(name for name, part in self._lines.actuators.items() if part.patterns)
+        asked = self._lines.confirm is not None
+        return frozenset(name for name, part in self._lines.actuators.items() if part.patterns or asked)
 
     @property
     def _failure(self) -> str:
         return self._distrust
+
+    @property
+    def _may_be_on(self) -> Mapping[str, float]:
+        return self._on
 
     # --- identification -----------------------------------------------------------------------------------
 
@@ -113,19 +123,29 @@ class LineBench(PortBench[Talk]):
         return DeviceIdentification(port, talk.take, self._begin(talk))
 
     def _begin(self, talk: Talk) -> Conversation[Talk]:
-        """Identify the device, check that it is the same as before, set it up and make it safe."""
+        """Identify the device, check that it is the same as before, make it safe and set it up."""
         found = yield from handshake(talk, self.clock, self._lines)
-        known = {name: text for name, text in self.identity.items() if name in found}
-        if known and known != found:
+        known = self._duty.identity
+        if known is not None and known != found:  # one such answer may be a damaged one
+            found = yield from handshake(talk, self.clock, self._lines)
+        if known is not None and known != found:
             raise RigctlError(
                 "another device answers than before",
                 value=", ".join(found.values()),
+                expected=", ".join(known.values()),
                 exit_code=ExitCode.FAILED,
             )
+        self._duty.identity = found
         self.identity = {**self.identity, "port": talk.port.name, **found}
+        if isinstance(talk.port, GuardedPort):
+            talk.port.identified(found)
+        earlier = yield from errors_in_queue(talk, self._lines)
+        if earlier:
+            text = f"the device had errors from before: {', '.join(map(repr, earlier))}"
+            self._outbox.notice("note", text, errors=earlier)
         trouble = yield from self._making_safe(talk, self._lines.timeout)
         if trouble is not None:
-            raise trouble
+            raise NotConfirmed(str(trouble))
         for exchange in self._lines.begin:
             yield from talk.asking(exchange)
         self._poll.forget(talk)
@@ -144,7 +164,9 @@ class LineBench(PortBench[Talk]):
         if self._interrupted:
             self._interrupted = False
             talk.abandon()
-        if not talk.in_step:  # resynchronising takes time, so the commands are sent without waiting first
+        if self._exchanged:
+            talk.abandon()
+        elif not talk.in_step:  # resynchronising takes time, so the commands are sent without waiting first
             with suppress(PortLost):  # reported by the commands that follow, which wait for answers
                 for step in self._setter.safe_commands():
                     talk.send(step.text)
@@ -156,32 +178,17 @@ class LineBench(PortBench[Talk]):
             raise trouble
 
     def _making_safe(self, talk: Talk, patience: float) -> Conversation[PortLost | Refused | None]:
-        """Send all commands that make outputs safe, even if some of them fail.
-
-        Once a device has not answered for `patience` s, its answers are no longer waited for.
-        """
-        first: PortLost | Refused | None = None
-        silent = False
-        for step in self._setter.safe_commands():
-            try:
-                if silent:
-                    talk.send(step.text)
-                    continue
-                answer = yield from talk.asking(
-                    step.exchange, step.text, tries=1, timeout=patience, anyway=True
-                )
-                step.require(answer)
-            except GuardActed as acted:
-                self._guard_acted(acted)
-                talk.send(step.text)
-            except PortLost as error:
-                first, silent = first or error, True
-            except Refused as error:
-                first = first or error
-        if first is None:
+        """Make outputs safe, and return why the device has not confirmed this; None if it has."""
+        outcome = yield from self._safe_state.making(talk, patience)
+        for name in self._setter.safe_values.keys() - outcome.doubtful.keys():
+            self._on.pop(name, None)
+        self._on |= {name: value for name, value in outcome.doubtful.items() if value is not None}
+        if outcome.trouble is None:
             self._note_safe()
             self._duty.outputs = Outputs.SAFE
-        return first
+        elif self._on or self._duty.outputs is not Outputs.SAFE or isinstance(outcome.trouble, Refused):
+            self._duty.outputs = Outputs.DRIVEN
+        return outcome.trouble
 
     # --- commands -----------------------------------------------------------------------------------------
 
@@ -194,6 +201,7 @@ class LineBench(PortBench[Talk]):
         self._replace(actuator)
         if value != self._resting().get(actuator):
             self._duty.outputs = Outputs.DRIVEN
+            self._on[actuator] = value
         pending = self._pending(actuator, value)
         self._orders.append(_Order(pending, duration, asked_for))
         if self._job is None:
@@ -225,6 +233,9 @@ class LineBench(PortBench[Talk]):
                 self._end(str(error))
         else:
             self._outbox.commanded[pending.actuator] = pending.value
+            read, answered = self._setter.is_read(pending.actuator), pending.actuator in self.outputs_answered
+            if answered and not read:  # its answer is all that there is
+                self._note_state(pending.actuator, pending.value)
             if order.duration is not None:
                 self._ends[pending.actuator] = receipt.time + order.duration
             pending.receipt = receipt
@@ -319,13 +330,23 @@ class LineBench(PortBench[Talk]):
             self._outbox.gap(missed)
         self._index += missed + 1
         reading = yield from self._poll.asking(talk, self._outbox.commanded)
+        for actuator, value in reading.states.items():
+            self._note_state(actuator, value)
         for actuator, value in reading.changed.items():
             self._outbox.commanded[actuator] = value
             self._outbox.receipts.append(CommandReceipt(reading.time, actuator, value, reading.uncertainty))
             shown = self._rig.actuators[actuator].show(value)
+            self._exchanged = True
             self._end(f"the device has set {actuator} to {shown} by itself")
         commands = tuple(self._outbox.commanded[name] for name in self._rig.layout.commands)
         self._outbox.samples.append(Sample(reading.time, reading.values, commands))
+
+    def _note_state(self, actuator: str, value: float) -> None:
+        """Record the confirmed state of an output."""
+        if value == self._setter.safe_values.get(actuator):
+            self._on.pop(actuator, None)
+        elif actuator in self._setter.safe_values:
+            self._on[actuator] = value
 
     # --- loss of contact, and actions of the device or its guard ------------------------------------------
 
@@ -353,6 +374,8 @@ class LineBench(PortBench[Talk]):
         return [] if self._order is None else [self._order.pending]
 
     def _handle_loss(self, talk: Talk, error: PortLost) -> tuple[str, Port | None]:
+        if isinstance(error, AnotherDevice) and isinstance(talk.port, GuardedPort):
+            talk.port.exchanged()
         talk.port.close()
         return "", None
 

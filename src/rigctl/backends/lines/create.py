@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.lines.setting import Setter
 from rigctl.backends.transport.adapter import same_adapter
-from rigctl.backends.transport.address import Address
+from rigctl.backends.transport.address import SERIAL, Address
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.port import Port
 from rigctl.backends.transport.safe_commands import Duty
 from rigctl.backends.transport.safe_state_retries import LASTS
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Rig
-
-#: kinds of addresses that may be serial ports of this computer
-_SERIAL = ("serial", "modbus")
 
 
 def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBench:
@@ -24,16 +23,24 @@ def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBe
     hangs.
     """
     setter, duty = Setter(rig, lines), Duty()
-    orders = Orders(address, setter.orders(), lines.watchdog, setter.identify_order(), lines.reply_ends)
+    orders = Orders(
+        address,
+        setter.orders(),
+        lines.watchdog,
+        confirm=setter.confirm_order(),
+        read_back=setter.read_back_orders(),
+        identify=setter.identify_order(),
+        reply_ends=lines.reply_ends,
+    )
 
     def connect() -> Port:
         if orders.safe:
             from rigctl.backends.transport.guard_port import GuardedPort
 
-            return GuardedPort(orders, clock, duty)
+            return GuardedPort(replace(orders, identity=duty.identity), clock, duty)
         return address.open(clock)
 
-    again = same_adapter(connect, address.url) if address.kind in _SERIAL else connect
+    again = same_adapter(connect, address.url) if address.kind in SERIAL else connect
     hours = LASTS / 3600.0
     without_host = (
         f"its guard goes on trying for {hours:g} h while this computer runs; 'rigctl doctor' shows it"

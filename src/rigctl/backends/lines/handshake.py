@@ -49,4 +49,5 @@ def handshake(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[st
                 continue
             heard = "what arrives is no answer; another baud rate?" if talk.heard else "nobody answers"
             raise PortLost(f"{talk.port.name}: {heard}") from error
-        return answer.found if lines.identify is not None else {}
+        talk.identity = answer.found if lines.identify is not None else {}
+        return talk.identity

@@ -40,6 +40,13 @@ class Meaning:
         part = self._lines.actuators[name]
         return part.template.written(self._written(name, part, value))
 
+    def read_as(self, name: str, value: float) -> str:
+        """Return an SI value as text, as the device writes it in the answer to a query."""
+        part = self._lines.actuators[name]
+        if part.answers is None:
+            return self.written(name, value)
+        return part.answers[_position(self._rig.actuators[name].kind, value)]
+
     def setting(self, name: str, text: str, commanded: float) -> float | None:
         """Return the SI value of an actuator from an answer; `commanded` if the answer repeats its text.
 
@@ -62,12 +69,11 @@ class Meaning:
         actuator = self._rig.actuators[name]
         positions = POSITIONS.get(actuator.kind)
         if positions is not None:
-            words = {number: word for word, number in positions.items()}
-            if value not in words:
+            if value not in positions.values():
                 raise RigctlError(
                     f"{name} has no such position", value=f"{value:g}", expected=", ".join(positions)
                 )
-            return (part.words or {})[words[value]]
+            return (part.words or {})[_position(actuator.kind, value)]
         if part.scale is None:
             return parse_unit(actuator.display_unit).from_si(value)
         low, high = float(actuator.low or 0.0), float(actuator.high or 0.0)
@@ -76,10 +82,11 @@ class Meaning:
 
     def _of_word(self, name: str, part: LineActuator, text: str) -> float | None:
         positions = POSITIONS[self._rig.actuators[name].kind]
-        for word, written in (part.words or {}).items():
-            same_number = read_number(text) is not None and read_number(text) == read_number(written)
-            if same_number or text.casefold() == written.casefold():
-                return positions[word]
+        for words in (part.answers or {}, part.words or {}):
+            for word, written in words.items():
+                same_number = read_number(text) is not None and read_number(text) == read_number(written)
+                if same_number or text.casefold() == written.casefold():
+                    return positions[word]
         return None
 
     def _of_number(self, name: str, part: LineActuator, number: float) -> float:
@@ -89,3 +96,8 @@ class Meaning:
         low, high = float(actuator.low or 0.0), float(actuator.high or 0.0)
         first, last = part.scale
         return low + (number - first) / (last - first) * (high - low)
+
+
+def _position(kind: str, value: float) -> str:
+    """Return the name of the position of an actuator that has positions."""
+    return next(word for word, number in POSITIONS[kind].items() if number == value)

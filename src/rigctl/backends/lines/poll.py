@@ -26,12 +26,14 @@ class PolledSample:
     time: the middle of the interval of the queries, s.
     uncertainty: half of that interval, s.
     values: SI, in the order of the rig's layout.
-    changed: actuators whose state differs from the command, SI.
+    states: the actuators' states that were read, SI.
+    changed: those that differ from the command.
     """
 
     time: float
     uncertainty: float
     values: tuple[float, ...]
+    states: Mapping[str, float]
     changed: Mapping[str, float]
 
 
@@ -70,7 +72,7 @@ class Poll:
             the device does not answer.
         """
         now = self._clock.now()
-        changed: dict[str, float] = {}
+        states: dict[str, float] = {}
         answers = []
         for index, query in enumerate(self._queries):
             if now < self._due[index] - _SLACK:
@@ -82,12 +84,13 @@ class Poll:
                     self._due[index] = now + query.every
             if answer is not None:
                 answers.append(answer)
-                self._take(answer, commanded, changed)
+                self._take(answer, commanded, states)
         self._note_stray(talk)
         first = min((answer.sent for answer in answers), default=now)
         last = max((answer.received for answer in answers), default=now)
         values = tuple(self._values.get(name, math.nan) for name in self._rig.layout.channels)
-        return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, changed)
+        changed = {name: state for name, state in states.items() if state != commanded[name]}
+        return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, states, changed)
 
     def _ask(self, talk: Talk, index: int, query: Query) -> Conversation[Answer | None]:
         try:
@@ -115,7 +118,7 @@ class Poll:
             for name, text in found.items()
         )
 
-    def _take(self, answer: Answer, commanded: Mapping[str, float], changed: dict[str, float]) -> None:
+    def _take(self, answer: Answer, commanded: Mapping[str, float], states: dict[str, float]) -> None:
         for name, text in answer.found.items():
             if name in self._rig.channels:
                 self._values[name] = self._meaning.channel(name, text)
@@ -124,8 +127,7 @@ class Poll:
             if state is None:
                 continue
             self.states_read.add(name)
-            if state != commanded[name]:
-                changed[name] = state
+            states[name] = state
 
     def _note_stray(self, talk: Talk) -> None:
         more = talk.stray - self._stray

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rigctl.backends.transport.conversation import Conversation, carry_through
-from rigctl.backends.transport.port import NoAnswer, Port, Refused
+from rigctl.backends.transport.port import AnotherDevice, NoAnswer, Port, Refused
 from rigctl.clock import Clock
 from rigctl.rig import Exchange, Lines
 
@@ -59,6 +59,7 @@ class Talk:
         self.last_sent = clock.now()  #: s
         self._in_step = True  # no answer to an earlier query is outstanding
         self._late_identities = 0  # that were asked for, and may still arrive
+        self.identity: Mapping[str, str] | None = None  #: of the device, once it is known
 
     @property
     def heard(self) -> bool:
@@ -208,6 +209,8 @@ class Talk:
             the device sends something other than its identity, possibly the answer to an earlier query.
         NoAnswer
             the device is silent.
+        AnotherDevice
+            its identity is twice not that of before.
         """
         self._in_step = True
         give_up = self._clock.now() + _LONGEST_NOISE
@@ -224,13 +227,19 @@ class Talk:
         self._in_step = False
         self.send(identify.send)
         deadline = self._clock.now() + patience
-        wrong = ""
+        wrong, stranger = "", False
         while (line := (yield from self._line(deadline))) is not None:
-            if identify.patterns[0].match(line) is not None:
-                for _ in identify.patterns[1:]:
-                    yield from self._line(deadline)
-                self._in_step = True
-                return
+            found = identify.patterns[0].match(line)
+            if found is not None:
+                for pattern in identify.patterns[1:]:
+                    found = {**found, **(pattern.match((yield from self._line(deadline)) or "") or {})}
+                if self.identity is None or found == self.identity:
+                    self._in_step = True
+                    return
+                if stranger:
+                    raise AnotherDevice(f"another device answers than before: {', '.join(found.values())}")
+                stranger = True
+                self.send(identify.send)  # one such answer may be a damaged one
             wrong = line
         self._late_identities += 1
         if wrong:

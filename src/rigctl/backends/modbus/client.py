@@ -12,8 +12,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rigctl.backends.modbus.numbers import Place
+from rigctl.backends.transport.address_key import modbus_tcp_address
 from rigctl.backends.transport.client_port import ClientPort
-from rigctl.backends.transport.port import PortLost
+from rigctl.backends.transport.port import AnotherDevice, PortLost
 from rigctl.clock import Clock
 
 #: function codes of the protocol
@@ -30,7 +31,6 @@ _EXCEPTIONS = {
     10: "no path behind the gateway",
     11: "no answer behind the gateway",
 }
-_PORT = 502  # standard port of Modbus TCP
 _LONGEST_NOISE = 2.0  # s to wait for silence; a line with other traffic never falls silent
 
 
@@ -40,14 +40,6 @@ def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort
     Its settings are those of `rigctl.backends.modbus.create.settings_of`.
     """
     return ClientPort(url, lambda: ModbusClient(url, settings), clock)
-
-
-def tcp_address(url: str) -> tuple[str, int] | None:
-    """Return host and port; None for a serial device."""
-    host, colon, port = url.removeprefix("tcp://").rpartition(":")
-    if colon and port.isdigit() and "/" not in host:
-        return host.strip("[]"), int(port)
-    return (url.removeprefix("tcp://"), _PORT) if url.startswith("tcp://") else None
 
 
 class ModbusClient:
@@ -75,6 +67,7 @@ class ModbusClient:
         self._writes = {name: Place(**place) for name, place in settings["writes"].items()}
         self._heartbeat = None if settings["heartbeat"] is None else Place(**settings["heartbeat"][0])
         self._every = 0.0 if settings["heartbeat"] is None else float(settings["heartbeat"][1])
+        self._identified = False
         self._count = 0
         self._beat_at = -math.inf  # s, monotonic
         self._set: dict[str, tuple[list[int], str]] = {}  # the values last written, and their text
@@ -82,7 +75,7 @@ class ModbusClient:
         self._library = _connection(url, settings)
         if not self._library.connect():
             serial = "it cannot be opened: not there, in use, no right to, or without such a frame"
-            raise PortLost(f"{url}: {serial if tcp_address(url) is None else 'nobody is there'}")
+            raise PortLost(f"{url}: {serial if modbus_tcp_address(url) is None else 'nobody is there'}")
 
     def answer(self, line: str) -> str | None:
         """Return the answer to a line of `rigctl.rig.client_lines`."""
@@ -130,7 +123,11 @@ class ModbusClient:
             self._fetch(self._identify.table, self._identify.address, self._identify.width)
         )
         if float(found) != self._equals:
-            return f"modbus unit {self._unit} is {found}"
+            said = f"modbus unit {self._unit} is {found}"
+            if self._identified:
+                raise AnotherDevice(f"{self._name}: another device answers than before: {said}")
+            return said
+        self._identified = True
         return str(self._identity)
 
     def _read(self, index: int) -> str:
@@ -187,6 +184,9 @@ class ModbusClient:
         _require(answer, where, done)
         if answer.address != place.address:
             raise _RefusedError(f"a write to {answer.address} was confirmed instead of one to {where}")
+        said = answer.bits[:1] if place.is_bit else answer.registers
+        if done != _WRITE_REGISTERS and [int(word) for word in said] != [int(word) for word in words]:
+            raise _RefusedError(f"{said} was confirmed instead of {words} at {where}")
 
     def _ready(self) -> Any:
         """Return the library's client after discarding late answers, since RTU has no transaction numbers."""
@@ -228,7 +228,7 @@ def _connection(url: str, settings: Mapping[str, Any]) -> Any:
     from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
     known = {"timeout": settings["timeout"], "retries": 0}
-    address = tcp_address(url)
+    address = modbus_tcp_address(url)
     if address is not None:
         return ModbusTcpClient(address[0], port=address[1], **known)
     bits, parity, stops = settings["frame"]

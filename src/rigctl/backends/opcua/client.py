@@ -10,7 +10,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Coroutine, Mapping
+from collections.abc import Coroutine, Mapping, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotInTime
 from contextlib import suppress
@@ -19,7 +19,7 @@ from datetime import datetime
 from typing import Any, TypeVar
 
 from rigctl.backends.transport.client_port import ClientPort
-from rigctl.backends.transport.port import PortLost
+from rigctl.backends.transport.port import AnotherDevice, PortLost
 from rigctl.clock import Clock
 
 _PRODUCT, _VERSION, _NOW = "i=2261", "i=2264", "i=2258"  # of the server's status; part 5, 12.10
@@ -57,11 +57,14 @@ class _Item:
     max_age: float | None
     age: bool
 
-    def text(self, answer: Any, now: datetime | None) -> str:
+    def text(self, answer: Any, clock: _ServerClock) -> str:
         """Return the number in a node's answer as text; ``nan`` if there is none, its status is not good, or
-        its time stamp is too old or in the future."""
-        source, read_at = answer.SourceTimestamp, answer.ServerTimestamp or now
-        age = math.nan if source is None or read_at is None else (read_at - source).total_seconds()
+        its time stamp is too old or in the future.
+
+        The age refers to the server's clock: a cached value may have an old server timestamp, too.
+        """
+        source, now = answer.SourceTimestamp, clock.now
+        age = math.nan if source is None or now is None else (now - source).total_seconds() + clock.stands
         if self.age:
             return f"{age:.6f}" if math.isfinite(age) else "nan"
         value = None if answer.Value is None else answer.Value.Value
@@ -74,6 +77,33 @@ class _Item:
             return str(int(value))
         number = value * self.scale + self.offset
         return f"{number:.12g}" if math.isfinite(number) else "nan"
+
+
+class _ServerClock:
+    """The server's time: the latest one in its newest answer, and how long ago that was first seen.
+
+    Servers update their current time once a second or more often, and may return old server timestamps with
+    values that they cache. What stands still is therefore extrapolated with this computer's clock.
+
+    Attributes
+    ----------
+    now: the latest time; None if the server tells none.
+    stands: s for which it has been the same.
+    """
+
+    def __init__(self) -> None:
+        self.now: datetime | None = None
+        self.stands = 0.0
+        self._since = -math.inf  # s, monotonic
+
+    def read(self, current: Any, values: Sequence[Any]) -> None:
+        """Take the server's answers: its current time, and the values read with it."""
+        times = [answer.ServerTimestamp for answer in (*values, current)]
+        times.append(None if current.Value is None else current.Value.Value)
+        now = max((one for one in times if isinstance(one, datetime)), default=None)
+        if now is None or now != self.now:
+            self._since = time.monotonic()
+        self.now, self.stands = now, time.monotonic() - self._since
 
 
 class OpcUaClient:
@@ -102,6 +132,8 @@ class OpcUaClient:
         self._writes = {name: _Item(**item) for name, item in settings["writes"].items()}
         self._heartbeat = settings["heartbeat"]
         self._count, self._beat_at = 0, -math.inf
+        self._clock = _ServerClock()
+        self._found = ""  # the identity, once the server has been identified
         self._types: dict[str, Any] = {}  # types of the nodes that are written
         self._set: dict[str, tuple[object, str]] = {}  # the values last written, and their text
         self._loop = asyncio.new_event_loop()
@@ -181,9 +213,13 @@ class OpcUaClient:
     async def _who(self) -> str:
         asked = [_PRODUCT, _VERSION] + ([] if self._identify is None else [self._identify[0]])
         found = [self._text(answer) for answer in await self._fetch(asked)]
+        identity = f"opcua {' '.join(text for text in found if text) or 'unknown'}"
+        if self._found and identity != self._found:
+            raise AnotherDevice(f"{self._name}: another server answers than before: {identity}")
         if self._identify is not None and found[2] != self._identify[1]:
             return f"no plant {self._identify[1]} but {found[2]}"
-        return f"opcua {' '.join(text for text in found if text) or 'unknown'}"
+        self._found = identity
+        return identity
 
     @staticmethod
     def _text(answer: Any) -> str:
@@ -192,13 +228,13 @@ class OpcUaClient:
     async def _read(self, index: int) -> str:
         items = self._reads[index]
         *answers, clock = await self._fetch([*(item.node for item in items.values()), _NOW])
-        now = clock.Value.Value if clock.Value is not None else None
+        self._clock.read(clock, answers)
         texts = []
         for (name, item), answer in zip(items.items(), answers, strict=True):
             there = None if answer.Value is None else answer.Value.Value
             written = self._set.get(name)
             same = written is not None and answer.StatusCode.is_good() and written[0] == there
-            texts.append(written[1] if written is not None and same else item.text(answer, now))
+            texts.append(written[1] if written is not None and same else item.text(answer, self._clock))
         return " ".join(texts)
 
     async def _fetch(self, nodes: list[str]) -> list[Any]:

@@ -1,12 +1,17 @@
-"""The address of a bench: kind of port, address and settings; it can be passed to the guard."""
+"""The address of a bench: kind of port, address and settings; it can be passed to the guard.
+
+All spellings of one address have the same key, which locks and guards use.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from typing import Any
 
+from rigctl.backends.transport.address_key import address_key
 from rigctl.backends.transport.port import Port
 from rigctl.clock import Clock
 
@@ -17,6 +22,10 @@ _OPENERS: Mapping[str, str] = {
     "opcua": "rigctl.backends.opcua.client",
     "visa": "rigctl.backends.visa.client",
 }
+
+
+#: kinds of addresses that may be serial ports of this computer
+SERIAL = ("serial", "modbus")
 
 
 @dataclass(frozen=True)
@@ -33,6 +42,20 @@ class Address:
     kind: str
     url: str
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def key(self) -> str:
+        """The device that is reached, the same for all spellings of its address.
+
+        On Modbus TCP each unit is a device of its own: a gateway has several.
+        """
+        key = address_key(self.kind, self.url)
+        unit = self.settings.get("unit")
+        return f"{key} unit {unit}" if self.kind == "modbus" and key.startswith("tcp ") else key
+
+    def same_place(self, url: str) -> bool:
+        """Return whether another address of this kind names the same place."""
+        return address_key(self.kind, url) == address_key(self.kind, self.url)
 
     def open(self, clock: Clock) -> Port:
         """Open the port.

@@ -9,10 +9,10 @@ from contextlib import suppress
 from typing import Generic, TypeVar
 
 from rigctl.backends.commands import check_command
-from rigctl.backends.errors import BackendLost, OutOfReach
+from rigctl.backends.errors import BackendLost, OutOfReach, OutputsNotSafe
 from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand, Sample
 from rigctl.backends.transport.outbox import Outbox
-from rigctl.backends.transport.port import Connect, OnPort, Port, PortLost, Refused
+from rigctl.backends.transport.port import Connect, NotConfirmed, OnPort, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification, Reconnection
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -129,6 +129,11 @@ class PortBench(ABC, Generic[Contact]):
         """Return the number of samples lost since contact was lost at `lost_at`."""
 
     @property
+    def _may_be_on(self) -> Mapping[str, float]:
+        """The outputs that the device has not confirmed to be safe since they were commanded, SI."""
+        return {}
+
+    @property
     @abstractmethod
     def _failure(self) -> str:
         """Why the device has stopped working or can no longer be trusted; empty otherwise."""
@@ -144,6 +149,8 @@ class PortBench(ABC, Generic[Contact]):
         except BaseException as error:
             if port is not None:
                 port.close()
+            if isinstance(error, NotConfirmed):
+                raise OutputsNotSafe(f"the outputs may not be safe: {error}", self._may_be_on) from None
             if isinstance(error, PortLost):
                 raise BackendLost(f"the bench cannot be reached: {error}") from None
             raise
@@ -216,14 +223,15 @@ class PortBench(ABC, Generic[Contact]):
         self._drop_orders(f"outputs were made safe before the {self.device} had answered")
         contact = self._contact
         if contact is None:
-            raise BackendLost(f"the bench cannot be reached: {self._reconnection.why}")
+            why = f"the bench cannot be reached: {self._reconnection.why}"
+            raise OutputsNotSafe(why, self._may_be_on)
         try:
             self._make_safe(contact)
         except Refused as error:
-            raise BackendLost(f"the outputs may not be safe: {error}") from None
+            raise OutputsNotSafe(f"the outputs may not be safe: {error}", self._may_be_on) from None
         except PortLost as error:
             self._lose(error)
-            raise BackendLost(f"the outputs may not be safe: {error}") from None
+            raise OutputsNotSafe(f"the outputs may not be safe: {error}", self._may_be_on) from None
 
     # --- internal -----------------------------------------------------------------------------------------
 

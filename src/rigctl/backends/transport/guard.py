@@ -16,15 +16,17 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from rigctl.backends.transport.address import Address
+from rigctl.backends.transport.adapter import same_adapter
+from rigctl.backends.transport.address import SERIAL, Address
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
-from rigctl.backends.transport.port import Port, PortLost
+from rigctl.backends.transport.port import Connect, Port, PortLost
 from rigctl.backends.transport.safe_commands import Outputs, SafeOrder
-from rigctl.backends.transport.safe_state_retries import SafeStateRetries, hold, let_go, take_over
+from rigctl.backends.transport.safe_state_retries import Notice, SafeStateRetries, hold, let_go, take_over
 from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
@@ -36,12 +38,24 @@ _GIVES_WAY = 2.0  # s for another guard to release the port
 
 @dataclass(frozen=True)
 class Orders:
-    """The guard's orders: the port, the safe commands, and the longest permitted silence of rigctl."""
+    """The guard's orders: the port, the safe commands, and the longest permitted silence of rigctl.
+
+    Parameters
+    ----------
+    confirm: sent after each safe command; any other answer is a refusal.
+    read_back: the queries that show whether outputs are safe.
+    identify: the identity query; None for a device that has none.
+    identity: what the device answered to it earlier; None if it was not identified yet.
+    reply_ends: the line end of answers.
+    """
 
     address: Address
     safe: tuple[SafeOrder, ...]
     watchdog: float
+    confirm: SafeOrder | None = None
+    read_back: tuple[SafeOrder, ...] = ()
     identify: SafeOrder | None = None
+    identity: Mapping[str, str] | None = None
     reply_ends: str = "\n"
 
     @property
@@ -55,7 +69,9 @@ class Orders:
             **vars(self),
             "address": vars(self.address),
             "safe": [_plain(order) for order in self.safe],
-            "identify": None if self.identify is None else _plain(self.identify),
+            "confirm": _plain(self.confirm),
+            "read_back": [_plain(order) for order in self.read_back],
+            "identify": _plain(self.identify),
         }
         return json.dumps(plain).encode("utf-8")
 
@@ -63,29 +79,32 @@ class Orders:
     def from_json(cls, content: bytes) -> Orders:
         """Read orders written by `to_json`."""
         fields = json.loads(content)
-        who = fields["identify"]
-        safe = tuple(_order(plain) for plain in fields["safe"])
-        return cls(
-            **{
-                **fields,
-                "address": Address(**fields["address"]),
-                "safe": safe,
-                "identify": None if who is None else _order(who),
-            }
-        )
+        orders = {name: tuple(map(_order, fields[name])) for name in ("safe", "read_back")}
+        single = {name: fields[name] and _order(fields[name]) for name in ("confirm", "identify")}
+        return cls(**{**fields, **orders, **single, "address": Address(**fields["address"])})
 
 
-def _plain(order: SafeOrder) -> list[object]:
-    return [order.text.decode("utf-8"), list(order.reply), order.value]
+def _plain(order: SafeOrder | None) -> list[object] | None:
+    return None if order is None else [order.text.decode("utf-8"), list(order.reply), dict(order.values)]
 
 
 def _order(plain: list[Any]) -> SafeOrder:
-    text, reply, value = plain
-    return SafeOrder(text.encode("utf-8"), tuple(reply), value)
+    text, reply, values = plain
+    return SafeOrder(
+        text.encode("utf-8"), tuple(reply), {name: tuple(texts) for name, texts in values.items()}
+    )
 
 
 class Guard:
-    """One port and the connection to rigctl."""
+    """One port and the connection to rigctl.
+
+    Nothing but what rigctl itself sends reaches a device that rigctl has not identified yet.
+
+    Attributes
+    ----------
+    identity: of the device to be guarded; None before rigctl has identified it.
+    here: whether that device is on the port.
+    """
 
     def __init__(self, connection: socket.socket, orders: Orders, port: Port, clock: Clock) -> None:
         self._connection = connection
@@ -99,6 +118,8 @@ class Guard:
         self._acted = False  # it has made outputs safe, and rigctl has not acknowledged that yet
         self._next_act = 0.0
         self._left: Outputs | None = None  # state in which rigctl released the port; None: it has ended
+        self.identity: Mapping[str, str] | None = None
+        self.here = False
 
     @property
     def ended(self) -> bool:
@@ -113,7 +134,7 @@ class Guard:
             self._left = self._serve()
         finally:
             self._over.set()
-        if self._left in (None, Outputs.DRIVEN):
+        if self._left in (None, Outputs.DRIVEN) and self.here:
             self._make_safe()
         listener.join(2.0 * _READ)
         return self._left
@@ -146,7 +167,11 @@ class Guard:
         return None
 
     def _obey(self, frame: Frame, content: bytes) -> None:
-        if frame is Frame.RESUME:
+        if frame is Frame.IDENTIFIED:
+            self.identity, self.here = json.loads(content), True
+        elif frame is Frame.EXCHANGED:
+            self.here = False
+        elif frame is Frame.RESUME:
             self._acted = False
         elif frame is Frame.WRITE and not self._acted:  # rigctl must not switch outputs on before it knows
             try:
@@ -155,8 +180,10 @@ class Guard:
                 self._tell(Frame.LOST, str(error).encode("utf-8"))
 
     def _act(self, silence: float) -> bool:
-        """Make outputs safe, repeatedly while rigctl is silent; return False if the port is lost."""
+        """Make outputs safe, repeatedly while rigctl is silent; return False if that is not possible here."""
         now = time.monotonic()
+        if not self.here:
+            return False
         if self._acted and now < self._next_act:
             return True
         first, self._acted = not self._acted, True
@@ -204,12 +231,13 @@ def main() -> int:
         send_frame(connection, Frame.ALIVE, secret.encode("ascii"))
         orders = Orders.from_json(_first(connection))
         clock = real_clock()
+        connect = _connect(orders, clock)
         try:
-            port, inherited = _open(orders, clock)
+            port, inherited = _open(orders, connect)
         except (RigctlError, PortLost) as error:
             send_frame(connection, Frame.REFUSED, _refusal(error))
             return 1
-        holding = hold(orders.url)
+        holding = hold(orders.address.key)
         guard = Guard(connection, orders, port, clock)
         signal.signal(signal.SIGTERM, lambda _number, _frame: guard.end())
         send_frame(connection, Frame.OPENED)
@@ -218,36 +246,61 @@ def main() -> int:
         except BaseException:
             port.close()
             raise
-    if left is Outputs.SAFE or (left is Outputs.UNTOUCHED and not inherited):
+    done, still_open = True, [port]
+    for identity in _unsafe(left, guard, orders, inherited):
+        unsafe = replace(orders, identity=identity)
+        retries = SafeStateRetries(unsafe, clock, connect, lambda: guard.ended, holding)
+        known = guard.here and identity == guard.identity
+        done = retries.carry_out(still_open.pop() if still_open else None, known=known) and done
+    for port in still_open:
         port.close()
-        let_go(orders.url, holding)
-        return 0
-    done = _retry_until_safe(guard, orders, port, clock, holding)
-    let_go(orders.url, holding)
+    let_go(orders.address.key, holding)
     return 0 if done else 1
 
 
-def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
-    """Open the port; also return whether another guard, which is stopped, was making its device safe."""
+def _unsafe(
+    left: Outputs | None, guard: Guard, orders: Orders, inherited: Notice | None
+) -> list[Mapping[str, str] | None]:
+    """Return the identities of the devices that still have to be made safe; None: of the rig file's kind.
+
+    Besides the device of this guard, that is the one that an earlier guard was trying to reach: there may be
+    another one on the port by now.
+    """
+    known = guard.identity if guard.identity is not None else orders.identity
+    found: list[Mapping[str, str] | None] = []
+    touched = left is None or left is Outputs.DRIVEN
+    if touched and known is not None:
+        found.append(known)
+    if inherited is not None and (inherited.identity is None or inherited.identity != known):
+        if inherited.identity is not None or left is not Outputs.SAFE:
+            found.append(inherited.identity)
+    elif inherited is not None and left is Outputs.UNTOUCHED:
+        found.append(known)
+    return found
+
+
+def _connect(orders: Orders, clock: Clock) -> Connect:
+    """Return what opens the port, as long as it has the same USB adapter as at first."""
+
+    def connect() -> Port:
+        return orders.address.open(clock)
+
+    return same_adapter(connect, orders.url) if orders.address.kind in SERIAL else connect
+
+
+def _open(orders: Orders, connect: Connect) -> tuple[Port, Notice | None]:
+    """Open the port; also return the notice of another guard that was making its device safe, now stopped."""
     give_up = time.monotonic() + _GIVES_WAY
-    inherited = False
+    inherited: Notice | None = None
     while True:
         try:
-            port = orders.address.open(clock)
-            return port, take_over(orders.url) is not None or inherited
+            port = connect()
+            return port, take_over(orders.address.key) or inherited
         except RigctlError:
-            inherited = take_over(orders.url) is not None or inherited
-            if not inherited or time.monotonic() >= give_up:
+            inherited = take_over(orders.address.key) or inherited
+            if inherited is None or time.monotonic() >= give_up:
                 raise
             time.sleep(_PAUSE)
-
-
-def _retry_until_safe(guard: Guard, orders: Orders, port: Port, clock: Clock, holding: str) -> bool:
-    """Continue until the device confirms that it is safe; return False as `SafeStateRetries.carry_out`."""
-    retries = SafeStateRetries(
-        orders, clock, lambda: orders.address.open(clock), lambda: guard.ended, holding
-    )
-    return retries.carry_out(port)
 
 
 def _first(connection: socket.socket) -> bytes:

@@ -17,6 +17,8 @@ class Frame(Enum):
     CONFIGURE = b"c"  #: to the guard: port, safe commands, watchdog, as JSON
     WRITE = b"w"  #: to the guard: bytes for the device
     ALIVE = b"a"  #: to the guard: rigctl's loop is running
+    IDENTIFIED = b"i"  #: to the guard: the device is the right one; with its identity, as JSON
+    EXCHANGED = b"s"  #: to the guard: another device is on the port by now
     RESUME = b"r"  #: to the guard: rigctl knows that the guard has made outputs safe
     CLOSE = b"x"  #: to the guard: release the port; with the state of the outputs, see `Outputs`
     OPENED = b"o"  #: from the guard: the port is open

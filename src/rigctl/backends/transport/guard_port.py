@@ -7,6 +7,7 @@ import secrets
 import select
 import socket
 import subprocess
+from collections.abc import Mapping
 from contextlib import suppress
 
 from rigctl.backends.transport.guard import Orders
@@ -85,6 +86,15 @@ class GuardedPort:
         if not data:
             self._check()
         return data
+
+    def identified(self, identity: Mapping[str, str]) -> None:
+        """Tell the guard that the device on this port is the right one, which it may command."""
+        self._tell(Frame.IDENTIFIED, json.dumps(dict(identity)).encode("utf-8"))
+
+    def exchanged(self) -> None:
+        """Tell the guard that another device is on this port by now, which it must not command."""
+        with suppress(PortLost):
+            self._tell(Frame.EXCHANGED)
 
     def close(self) -> None:
         """Close the port and end the guard, unless it still has to make the device safe."""

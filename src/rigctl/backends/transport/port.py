@@ -14,6 +14,14 @@ class NoAnswer(PortLost):
     """The port exists, but there was no answer, or the device has restarted."""
 
 
+class AnotherDevice(PortLost):
+    """Another device answers on the port, which must not be commanded."""
+
+
+class NotConfirmed(PortLost):
+    """The right device answers, but has not confirmed that its outputs are safe."""
+
+
 class Refused(Exception):
     """The device refused the command, or did something other than what was commanded."""
 

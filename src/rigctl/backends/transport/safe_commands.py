@@ -5,17 +5,25 @@ Imports little, since every guard loads it when it starts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 
 
 @dataclass(frozen=True)
 class SafeOrder:
-    """One safe command: its bytes, the lines of its answer, and the value that they must contain."""
+    """One exchange with a device, for its guard.
+
+    Parameters
+    ----------
+    text: the bytes to be sent.
+    reply: the patterns of the answer's lines.
+    values: for places of these patterns, the texts of which the device must answer one.
+    """
 
     text: bytes
     reply: tuple[str, ...] = ()
-    value: str = ""
+    values: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 class Outputs(Enum):
@@ -23,11 +31,18 @@ class Outputs(Enum):
 
     UNTOUCHED = b"untouched"  #: nothing was commanded yet
     SAFE = b"safe"  #: the device has confirmed that they are safe
-    DRIVEN = b"driven"  #: another command has been sent since: the guard continues
+    DRIVEN = b"driven"  #: anything else: the guard continues
 
 
 class Duty:
-    """The known state of a device's outputs, for a guard that may have to continue."""
+    """What a guard that may have to continue must know.
+
+    Attributes
+    ----------
+    outputs: the known state of the device's outputs.
+    identity: what the device answered when it was identified; None before that.
+    """
 
     def __init__(self) -> None:
         self.outputs = Outputs.UNTOUCHED
+        self.identity: Mapping[str, str] | None = None

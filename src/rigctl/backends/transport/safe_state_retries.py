@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
@@ -19,7 +19,9 @@ from typing import Protocol
 from uuid import uuid4
 
 from rigctl.backends.processes import process_exists
-from rigctl.backends.transport.port import Port, PortLost
+from rigctl.backends.transport.address import Address
+from rigctl.backends.transport.address_key import file_name
+from rigctl.backends.transport.port import AnotherDevice, Port, PortLost
 from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -31,6 +33,7 @@ LASTS = 24 * 3600.0  #: s, after which the guard gives up
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
 _LOOK = 0.05  # s between two checks whether another program has taken over the port
 _ANSWER = 0.5  # s for an answer
+_MOST_ERRORS = 50  # in a device's queue
 _OLD = 60.0  # s without a report after which it is unknown whether a guard is still trying
 
 
@@ -38,7 +41,8 @@ _OLD = 60.0  # s without a report after which it is unknown whether a guard is s
 class Notice:
     """A guard's report of its attempts: the port, since when, how many, and why they fail.
 
-    `since` and `newest` are calendar times in s; `given_up` is true once it has stopped trying.
+    `since` and `newest` are calendar times in s; `given_up` is true once it has stopped trying; `identity` is
+    that of the device, as far as known.
     """
 
     token: str
@@ -49,6 +53,7 @@ class Notice:
     attempts: int = 0
     trouble: str = ""
     given_up: bool = False
+    identity: Mapping[str, str] | None = None
 
     def __str__(self) -> str:
         last = datetime.fromtimestamp(self.newest).astimezone().isoformat(" ", "seconds")
@@ -60,14 +65,15 @@ class Notice:
             age = max(time.time() - self.since, 0.0)
             what = f"has tried for {age:.0f} s, {self.attempts} times,"
         trouble = f": {self.trouble}" if self.trouble else ""
-        return f"a guard (process {self.pid}) {what} to make outputs safe on {self.port}{trouble}"
+        who = f" ({', '.join(self.identity.values())})" if self.identity else ""
+        return f"a guard (process {self.pid}) {what} to make outputs safe on {self.port}{who}{trouble}"
 
 
 class Orders(Protocol):
     """The part of a guard's orders that is used here."""
 
     @property
-    def url(self) -> str:
+    def address(self) -> Address:
         """The address of the port."""
         ...
 
@@ -77,8 +83,23 @@ class Orders(Protocol):
         ...
 
     @property
+    def confirm(self) -> SafeOrder | None:
+        """The query after each command."""
+        ...
+
+    @property
+    def read_back(self) -> tuple[SafeOrder, ...]:
+        """The queries that show whether outputs are safe."""
+        ...
+
+    @property
     def identify(self) -> SafeOrder | None:
-        """The identity query, sent first on a reopened port, so that no other device is commanded."""
+        """The identity query, sent before anything else, so that no other device is commanded."""
+        ...
+
+    @property
+    def identity(self) -> Mapping[str, str] | None:
+        """What the device answered to it earlier, if that is known."""
         ...
 
     @property
@@ -113,16 +134,26 @@ class SafeStateRetries:
         self._open_port = open_port
         self._ended = ended
         self._holding = holding
-        self._path = _path_of(orders.url)
+        self._path = _path_of(orders.address.key)
         now = time.time()
-        self._notice = Notice(uuid4().hex, orders.url, os.getpid(), now, now)
+        self._notice = Notice(
+            uuid4().hex, orders.address.url, os.getpid(), now, now, identity=orders.identity
+        )
         self._announced = False  # whether the notice was ever written
         self._rest = b""
+        self._silent = False  # the newest exchange had no answer
 
-    def carry_out(self, port: Port | None) -> bool:
-        """Try until the device confirms; return False if another program takes over, or after `LASTS` s."""
+    def carry_out(self, port: Port | None, *, known: bool = False) -> bool:
+        """Try until the device confirms; return False if another program takes over, or after `LASTS` s.
+
+        Parameters
+        ----------
+        port: if it is still open.
+        known: whether its device has just been identified. After any failure it is identified again: on a
+            port that stays open, or behind a network address, there may be another one by then.
+        """
         give_up = time.monotonic() + LASTS
-        pause, known = _FIRST_PAUSE, port is not None
+        pause = _FIRST_PAUSE
         self._announce()  # for any program that opens the port meanwhile
         while True:
             try:
@@ -132,7 +163,7 @@ class SafeStateRetries:
                     port, known = self._open_port(), False
                 if not known:
                     self._require_same(port)
-                    known = True
+                known = False
                 self._make_safe(port)
             except _TakenOver:
                 _close(port)
@@ -152,17 +183,58 @@ class SafeStateRetries:
             pause = min(2.0 * pause, _LONGEST_PAUSE)
 
     def _require_same(self, port: Port) -> None:
-        if self._orders.identify is not None:
-            self._exchange(port, self._orders.identify)
+        """Require the identity of the device; the port is released if another device is on it."""
+        orders = self._orders
+        if orders.identify is None:
+            return
+        try:
+            found = self._exchange(port, orders.identify)
+        except _Mute as error:
+            if self._silent:
+                raise
+            raise AnotherDevice(str(error)) from None
+        if orders.identity is not None and found != orders.identity:
+            raise AnotherDevice(f"another device is there: {', '.join(found.values())}")
 
     def _make_safe(self, port: Port) -> None:
+        """Send all commands, even if some of them fail, and read the outputs back."""
+        trouble: _Mute | None = None
         for order in self._orders.safe:
-            self._exchange(port, order)
+            try:
+                self._exchange(port, order)
+                self._confirm(port, order)
+            except _Mute as error:
+                trouble = trouble or error
+        for order in self._orders.read_back:
+            try:
+                self._exchange(port, order)
+            except _Mute as error:
+                trouble = trouble or error
+        if trouble is not None:
+            raise trouble
 
-    def _exchange(self, port: Port, order: SafeOrder) -> None:
-        """Send one command and read its confirmation, if it has one."""
-        from rigctl.rig.line_pattern import VALUE, read_number, reply_pattern
+    def _confirm(self, port: Port, order: SafeOrder) -> None:
+        """Query whether the device has refused a command, until it has no more errors to report."""
+        confirm, refused = self._orders.confirm, ""
+        if confirm is None:
+            return
+        for _ in range(_MOST_ERRORS):
+            try:
+                self._exchange(port, confirm)
+                break
+            except _Mute as error:
+                if self._silent:
+                    raise
+                refused = refused or str(error)
+        if refused:
+            raise _Mute(f"after {order.text!r}: {refused}")
 
+    def _exchange(self, port: Port, order: SafeOrder) -> dict[str, str]:
+        """Send one line and read its answer, if it has one; return the texts in it."""
+        from rigctl.rig.line_pattern import reply_pattern, says
+
+        texts: dict[str, str] = {}
+        self._silent = False
         while port.read(self._clock.now()):
             pass
         self._rest = b""
@@ -173,17 +245,20 @@ class SafeStateRetries:
             found = pattern.match(line)
             if found is None:
                 raise _Mute(f"{line!r} is no answer to {order.text!r}")
-            said = found.get(VALUE)
-            if said is None or not order.value or said.casefold() == order.value.casefold():
-                continue
-            if read_number(said) is None or read_number(said) != read_number(order.value):
-                raise _Mute(f"the device says {said!r} where {order.value!r} was commanded")
+            texts |= found
+            for name, meant in order.values.items():
+                if name in found and not any(says(found[name], text) for text in meant):
+                    raise _Mute(
+                        f"the device says {found[name]!r} to {order.text!r} where {meant[0]!r} was commanded"
+                    )
+        return texts
 
     def _line(self, port: Port, deadline: float) -> str:
         while self._reply_ends not in self._rest:
             if self._taken_over():
                 raise _TakenOver
             if time.monotonic() >= deadline:
+                self._silent = True
                 raise _Mute("the device does not answer")
             self._rest += port.read(self._clock.now() + _LOOK)
         line, _, self._rest = self._rest.partition(self._reply_ends)
@@ -217,7 +292,7 @@ class SafeStateRetries:
 
         A notice that could not be written, or cannot be read, does not count as removed.
         """
-        if self._holding and _held_by_another(self._orders.url, self._holding):
+        if self._holding and _held_by_another(self._orders.address.key, self._holding):
             return True
         if not self._announced:
             return False
@@ -246,35 +321,35 @@ class _Mute(PortLost):
     """The device does not confirm; the port stays open."""
 
 
-def hold(url: str) -> str:
+def hold(key: str) -> str:
     """Record that this process has opened a port, which stops earlier guards; return the record's token."""
     token = f"{os.getpid()} {uuid4().hex}"
-    path = _holder_of(url)
+    path = _holder_of(key)
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(token, encoding="utf-8")
     return token
 
 
-def let_go(url: str, token: str) -> None:
+def let_go(key: str, token: str) -> None:
     """Remove the record of `hold`, unless another process has opened the port since."""
-    path = _holder_of(url)
+    path = _holder_of(key)
     with suppress(OSError):
         if read_text(path) == token:
             path.unlink()
 
 
-def _held_by_another(url: str, token: str) -> bool:
+def _held_by_another(key: str, token: str) -> bool:
     try:
-        found = read_text(_holder_of(url))
+        found = read_text(_holder_of(key))
         pid = int(found.partition(" ")[0])
     except (OSError, ValueError):
         return False
     return found != token and process_exists(pid)
 
 
-def _holder_of(url: str) -> Path:
-    return _path_of(url).with_suffix(".holder")
+def _holder_of(key: str) -> Path:
+    return _path_of(key).with_suffix(".holder")
 
 
 def retrying_guards() -> list[Notice]:
@@ -282,9 +357,12 @@ def retrying_guards() -> list[Notice]:
     return sorted(_found(), key=lambda notice: notice.since)
 
 
-def take_over(url: str) -> Notice | None:
-    """End a guard's attempts on a port, which the caller takes over; return its notice, if there is one."""
-    path = _path_of(url)
+def take_over(key: str) -> Notice | None:
+    """End a guard's attempts on a port, which the caller takes over; return its notice, if there is one.
+
+    `key` is that of the port's `Address`.
+    """
+    path = _path_of(key)
     found = _read(path)
     with suppress(OSError):
         path.unlink()
@@ -299,11 +377,8 @@ def _found() -> Iterator[Notice]:
                 yield notice
 
 
-def _path_of(url: str) -> Path:
-    from hashlib import sha256
-
-    name = "".join(letter if letter.isalnum() else "-" for letter in url).strip("-")[-40:]
-    return _folder() / f"{name}-{sha256(url.encode('utf-8', 'replace')).hexdigest()[:8]}.json"
+def _path_of(key: str) -> Path:
+    return _folder() / f"{file_name(key)}.json"
 
 
 def _folder() -> Path:
@@ -316,7 +391,7 @@ def _read(path: Path) -> Notice | None:
     try:
         notice = Notice(**parse_json(read_text(path)))
         str(notice)  # raises if a value has another type
-    except (OSError, ValueError, TypeError, OverflowError):
+    except (OSError, ValueError, TypeError, AttributeError, OverflowError):
         return None
     return notice
 

@@ -61,8 +61,10 @@ def off(
     }
     if as_json:
         echo_json(json.dumps({**document, "ended": list(result.ended)}))
-    else:
+    elif result.confirmed:
         echo(result.done)
+    else:
+        typer.secho(result.done, fg=typer.colors.RED, bold=True)
     if not result.confirmed:
         raise typer.Exit(ExitCode.FAILED)
 

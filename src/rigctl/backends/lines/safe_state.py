@@ -1,0 +1,145 @@
+"""Makes the outputs of a line-based device safe, and believes only what the device confirms.
+
+First every output is commanded, then every state that the rig file's queries contain is read back. A device
+that acknowledges a command without executing it is thus found out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from rigctl.backends.lines.error_queue import errors_in_queue
+from rigctl.backends.lines.setting import SafeCommand, Setter
+from rigctl.backends.lines.talk import Answer, Talk, WrongAnswer
+from rigctl.backends.transport.conversation import Conversation
+from rigctl.backends.transport.guard_port import GuardActed
+from rigctl.backends.transport.port import AnotherDevice, PortLost, Refused
+from rigctl.clock import Clock
+from rigctl.rig import Lines, Query, Rig
+
+#: s for the read states to follow the commands: a controller updates them once per cycle
+_FOLLOWS = 0.5
+_LOOK = 0.05  # s between two readings
+_MOST_ERRORS = 10  # that are read after one command; an ending must not take long
+
+
+@dataclass
+class SafeOutcome:
+    """What a device has confirmed.
+
+    Attributes
+    ----------
+    trouble: why outputs may not be safe, the first reason; None if all have been confirmed.
+    doubtful: the outputs that were not confirmed, with the SI value that was read; None if none was read.
+    """
+
+    trouble: PortLost | Refused | None = None
+    doubtful: dict[str, float | None] = field(default_factory=dict)
+
+    def doubt(self, names: Iterable[str], trouble: PortLost | Refused) -> None:
+        """Record that outputs were not confirmed."""
+        self.trouble = self.trouble or trouble
+        self.doubtful |= dict.fromkeys(names)
+
+
+class SafeState:
+    """The commands that make outputs safe, and the queries that show it.
+
+    Parameters
+    ----------
+    guard_acted: called if the guard has just made outputs safe.
+    """
+
+    def __init__(
+        self, rig: Rig, lines: Lines, setter: Setter, clock: Clock, guard_acted: Callable[[GuardActed], None]
+    ) -> None:
+        self._rig = rig
+        self._lines = lines
+        self._setter = setter
+        self._clock = clock
+        self._guard_acted = guard_acted
+
+    def making(self, talk: Talk, patience: float) -> Conversation[SafeOutcome]:
+        """Send all commands that make outputs safe, even if some of them fail, and read the states back.
+
+        Once the device has not answered for `patience` s, its answers are no longer waited for.
+        """
+        outcome = SafeOutcome()
+        silence: PortLost | None = None
+        for step in self._setter.safe_commands():
+            try:
+                if silence is not None:
+                    outcome.doubt(step.actuators, silence)
+                    if not isinstance(silence, AnotherDevice):
+                        talk.send(step.text)
+                    continue
+                yield from self._commanding(talk, step, patience)
+            except PortLost as error:
+                silence = silence or error
+                outcome.doubt(step.actuators, error)
+            except Refused as error:
+                outcome.doubt(step.actuators, error)
+        if silence is None:
+            yield from self._reading_back(talk, patience, outcome)
+        return outcome
+
+    def _commanding(self, talk: Talk, step: SafeCommand, patience: float) -> Conversation[None]:
+        """Send one command and require that the device confirms it.
+
+        Errors in the device's queue may have other causes: the command is then sent again.
+        """
+        errors: list[str] = []
+        for _ in range(2):
+            try:
+                answer = yield from talk.asking(
+                    step.exchange, step.text, tries=1, timeout=patience, anyway=True
+                )
+                step.require(answer)
+                errors = yield from errors_in_queue(talk, self._lines, patience, _MOST_ERRORS)
+            except GuardActed as acted:
+                self._guard_acted(acted)
+                talk.abandon()  # what the guard has sent is still being answered
+                continue
+            if not errors:
+                return
+        if errors:
+            raise WrongAnswer(step.text, errors[0])
+
+    def _reading_back(self, talk: Talk, patience: float, outcome: SafeOutcome) -> Conversation[None]:
+        """Read the states of outputs; a state that was read decides, whatever was answered before."""
+        give_up = self._clock.now() + _FOLLOWS
+        silence: PortLost | None = None
+        for query, names in self._setter.read_back:
+            if silence is not None:
+                outcome.doubt(names, silence)
+                continue
+            try:
+                answer = yield from talk.asking(query, tries=2, timeout=patience)
+                while (wrong := self._wrong(answer, names)) and self._clock.now() < give_up:
+                    look = self._clock.now() + _LOOK
+                    while self._clock.now() < look:
+                        yield look
+                    answer = yield from talk.asking(query, tries=2, timeout=patience)
+            except PortLost as error:
+                silence = error
+                outcome.doubt(names, error)
+                continue
+            except Refused as error:
+                outcome.doubt(names, error)
+                continue
+            for name, value in wrong.items():
+                outcome.doubt([name], self._still(query, answer, name, value))
+                outcome.doubtful[name] = value
+
+    def _wrong(self, answer: Answer, names: tuple[str, ...]) -> dict[str, float | None]:
+        """Return the outputs that are not safe according to an answer, with their values."""
+        states, safe = self._setter.states(answer, names), self._setter.safe_values
+        return {name: value for name, value in states.items() if value != safe[name]}
+
+    def _still(self, query: Query, answer: Answer, name: str, value: float | None) -> Refused:
+        if value is None:
+            return WrongAnswer(query.send, answer.found[name], f"the state of {name}")
+        show = self._rig.actuators[name].show
+        safe = show(self._setter.safe_values[name])
+        return Refused(f"{name} is {show(value)}, though it was commanded to be {safe}")
