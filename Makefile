@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test check lint types imports unit bench docs pictures site wheel clean system constraints torture explore
+.PHONY: demo test check lint types imports unit bench docs pictures site wheel clean system constraints torture lying explore
 
 demo: $(VENV)/.installed
 	$(BIN)/rigctl demo demo
@@ -48,6 +48,12 @@ SEED ?= 0
 TORTURE ?=
 torture: $(VENV)/.installed-dev
 	PYTHONPATH=tests $(BIN)/python -m torture --seed $(SEED) $(TORTURE)
+
+# Devices that lie, are exchanged or go stale, 2000 endings behind each protocol unless LYING says otherwise, e.g.
+# "--cpu 60": prints "not refuted (N)", or each ending that left an output on without saying so.
+LYING ?=
+lying: $(VENV)/.installed-dev
+	PYTHONPATH=tests $(BIN)/python -m torture.lying --seed $(SEED) $(LYING)
 
 # New examples for every property that leaves their number open; those of `make test` are the same each time.
 explore: $(VENV)/.installed-dev

@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from torture import broken_files, corruptions, endings, foreign_files, guarded, switching_off
+from torture import broken_files, corruptions, endings, foreign_files, guarded, lying, switching_off
 
 
 def main() -> None:
@@ -18,6 +18,7 @@ def main() -> None:
     asked.add_argument("--files", type=int, default=100_000)
     asked.add_argument("--foreign", type=int, default=10_000)
     asked.add_argument("--endings", type=int, default=2000)
+    asked.add_argument("--lying", type=int, default=2000, help="endings behind each protocol")
     asked.add_argument("--guarded", type=int, default=80)
     asked.add_argument("--off", type=int, default=5, help="calls of 'rigctl off' of each kind")
     asked.add_argument("--seed", type=int, default=0)
@@ -31,6 +32,9 @@ def main() -> None:
             "broken_files": asdict(broken_files.torture(files, given.files, given.seed)),
             "foreign_files": foreign_files.torture(Path(folder) / "foreign", given.foreign, given.seed),
             "endings": asdict(endings.torture(Path(folder) / "endings", given.endings, given.seed, kinds)),
+            "lying": asdict(
+                lying.torture(Path(folder) / "lying", given.seed, lying.KINDS, iter(range(given.lying)))
+            ),
             "guarded": asdict(
                 guarded.torture(
                     Path(folder) / "guarded", given.guarded if sys.platform == "linux" else 0, given.seed

@@ -19,7 +19,8 @@ from pathlib import Path
 from board_emulation import Emulation
 from own_process import begin
 from patience import patient
-from rigctl.dataset.run_id import slug
+from rigctl.backends.registry import address_of
+from rigctl.backends.transport.address_key import file_name
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
 from tclab_board import Served
@@ -105,9 +106,11 @@ def heated() -> Iterator[Served]:
         yield board
 
 
-def _on_heaters(folder: Path, *arguments: str, before: Callable[[Path], object] = lambda _: None) -> Off:
+def _on_heaters(
+    folder: Path, *arguments: str, before: Callable[[Path, str], object] = lambda *_: None
+) -> Off:
     with heated() as board:
-        before(folder)
+        before(folder, board.url)
         began = time.monotonic()
         done = off(folder, *arguments, "--port", board.url)
         assert board.sketch.heaters == (0.0, 0.0)
@@ -132,10 +135,10 @@ def only_a_port(folder: Path) -> Off:
 def corrupt_lock(folder: Path) -> Off:
     """The same, behind an unreadable lock."""
 
-    def corrupt(where: Path) -> None:
+    def corrupt(where: Path, url: str) -> None:
         locks = where / "state" / "rigctl" / "locks"
         locks.mkdir(parents=True)
-        name = slug(load_rig(shipped("rigs", "tclab-board.yaml")).name)
+        name = file_name(address_of(load_rig(shipped("rigs", "tclab-board.yaml")), url).key)
         (locks / f"{name}.json").write_text('{"pid": "x", "token": 1', encoding="utf-8")
 
     return _on_heaters(project(folder), "--rig", "rigs/tclab-board.yaml", before=corrupt)

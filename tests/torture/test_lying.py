@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from torture.lying import KINDS, Tally, Trial, one, torture
+
+
+def test_lying_and_exchanged_devices_are_found_out_at_random_endings(tmp_path: Path) -> None:
+    tally = torture(tmp_path, 1, KINDS, iter(range(6)))
+    assert tally.failures == []
+    assert tally.left_on_and_said >= 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fault", ["lie", "force", "refuse", "exchanged"])
+def test_an_output_that_stays_on_is_reported_behind_every_protocol(
+    tmp_path: Path, kind: str, fault: str
+) -> None:
+    """The run ends as planned, and its last 'off' is not carried out."""
+    tally = Tally()
+    one(tmp_path, Trial("0", kind, "finish", fault, 3.5, 1e6, 7.0), tally)
+    assert (tally.unconfirmed, tally.left_on_and_said) == (1, 1)
