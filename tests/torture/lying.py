@@ -1,7 +1,7 @@
 """Devices that lie, are exchanged, fall silent or go stale, at every ending of a run, behind each protocol.
 
 Each trial is a run in virtual time with rigctl's own clients; in place of the protocol libraries there is a
-device in memory, which is also the witness of its outputs, and of what was sent to a stranger in its place. After
+device in memory, the witness of its outputs and of what was sent to a stranger in its place. After
 each run either all outputs are off, or the run has said that they may be on.
 """
 
