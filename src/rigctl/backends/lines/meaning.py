@@ -100,4 +100,4 @@ class Meaning:
 
 def _position(kind: str, value: float) -> str:
     """Return the name of the position of an actuator that has positions."""
-    return next(word for word, number in POSITIONS[kind].items() if number == value)
+    return {number: word for word, number in POSITIONS[kind].items()}[value]
