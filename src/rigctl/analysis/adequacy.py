@@ -7,16 +7,19 @@ discounted.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.decision_levels import ALPHA, BELOW_NOISE, QUANTILE
+from rigctl.analysis.decision_levels import ALPHA, BELOW_NOISE, LEAST_EXPLAINED, QUANTILE
 from rigctl.analysis.nuisance_projection import Projected
+from rigctl.analysis.residual_analysis import Correlations, residual_correlations
 from rigctl.analysis.score_test import Screening
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
+from rigctl.noise import ChannelNoise
 
 Floats = NDArray[np.float64]
 
@@ -66,12 +69,17 @@ class Adequacy:
     p_value: smallest p-value times the number of tests (Bonferroni; the first step of Holm's procedure).
     below_noise: a test rejects although the error of every channel is smaller than its noise: the noise
         differs from the one learned (slower, or smaller here), and the tests, which rest on it, are invalid.
-    agrees: no test rejects.
-    adequate: no test rejects, or none can be trusted; ends a search, but does not say what explains the data.
+    unproven: channels whose errors may be slow noise or a missing effect: only the white floor of their noise
+        is known, or not even that, and the errors are not white at that floor.
+    agrees: no test rejects, and no channel is unproven.
+    adequate: the model agrees, or no test can be trusted; ends a search, but does not say what explains the
+        data.
+    undecided: no test rejects, but agreement is not shown either.
     """
 
     tests: dict[str, Test]
     below_noise: bool = False
+    unproven: tuple[str, ...] = ()
 
     @property
     def p_value(self) -> float:
@@ -79,27 +87,103 @@ class Adequacy:
         return min(1.0, len(self.tests) * min(test.p_value for test in self.tests.values()))
 
     @property
+    def rejected(self) -> bool:
+        """True if a test rejects: p_value is below `ALPHA`."""
+        return self.p_value < ALPHA
+
+    @property
     def agrees(self) -> bool:
-        """True if no test rejects: p_value is not below `ALPHA`."""
-        return self.p_value >= ALPHA
+        """True if no test rejects, and every channel's noise is known or its errors are white at the floor."""
+        return not self.rejected and not self.unproven
 
     @property
     def adequate(self) -> bool:
-        """True if no test rejects, or none can be trusted."""
+        """True if the model agrees, or no test can be trusted."""
         return self.agrees or self.below_noise
+
+    @property
+    def undecided(self) -> bool:
+        """True if neither agreement nor disagreement is shown."""
+        return bool(self.unproven) and not self.rejected
+
+    @property
+    def verdict(self) -> bool | None:
+        """Whether the model is adequate; None if these data cannot tell."""
+        return None if self.undecided or self.below_noise else self.agrees
 
 
 def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     """Test a fitted model; `screening` holds the largest score of the candidates."""
+    fit = projected.linearisation.fit
     tests = {"plane": plane_test(projected), "chi2": chi2_test(projected)}
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
-    result = Adequacy(
-        {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
-    )
-    if result.agrees or projected.linearisation.fit.problem.measurements.table:
+    tests = {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
+    if fit.problem.measurements.table:
+        return Adequacy(tests)
+    floors = [channel for channel in fit.problem.noise.channels if channel.standing == "floor"]
+    found = residual_correlations(fit) if floors else {}
+    if floors:
+        # what a model leaves is its own scale there: χ² has its expectation whatever is missing, and the
+        # correlation with past inputs takes its place, which needs no noise level
+        tests |= {"inputs": _inputs_test([found[one.name] for one in floors if one.name in found])}
+        if len(floors) == len(fit.problem.noise.channels):
+            del tests["chi2"]
+    result = Adequacy(tests, unproven=_unproven(fit, found))
+    if not result.rejected or floors:
         return result
-    return replace(result, below_noise=error_below(projected.linearisation.fit, BELOW_NOISE))
+    return replace(result, below_noise=error_below(fit, BELOW_NOISE))
+
+
+def _inputs_test(found: Sequence[Correlations]) -> Test:
+    """Whether the errors of some channels follow the past of an input: the largest of all lags."""
+    p_values = [one.follows for one in found]
+    least = min(1.0, len(p_values) * min(p_values, default=1.0))
+    return Test(-math.log10(max(least, 1e-300)), least)
+
+
+def _unproven(fit: FitResult, found: Mapping[str, Correlations]) -> tuple[str, ...]:
+    """The channels of which neither the noise is known nor the errors are white at the floor."""
+    every = fit.problem.noise.channels
+    return tuple(
+        channel.name
+        for channel in every
+        if channel.name in fit.errors
+        and channel.standing in ("floor", "guess")
+        and not (channel.standing == "floor" and white_at_floor(fit, channel, found.get(channel.name)))
+    )
+
+
+def white_at_floor(fit: FitResult, channel: ChannelNoise, found: Correlations | None) -> bool:
+    """Whether the errors of a channel are white, and no larger than the white part of its noise.
+
+    Two conditions, each at 1 %: the portmanteau test, and the ratio of variances, whose floor is known to
+    `_FLOOR_KNOWN` at best. Without a plateau the floor is an upper bound, and the errors' own differences are
+    taken instead. A model that does not follow a moving channel never qualifies.
+    """
+    error = fit.errors[channel.name]
+    if found is None or found.white_p < ALPHA:
+        return False
+    if not error.r2 > LEAST_EXPLAINED and _moves(fit, channel):
+        return False
+    floor = channel.floor
+    if math.isfinite(found.white_rms):  # heavy tails count in a mean square, and not in the median
+        own = found.white_rms
+        floor = max(floor, min(own, _TAILS * floor)) if channel.plateau else own
+    if not floor > 0.0:
+        return False
+    degrees = found.white_degrees or 1
+    spread = math.sqrt(2.0 / error.count + 2.0 / degrees + (2.0 * _FLOOR_KNOWN) ** 2)
+    return ((error.rmse / floor) ** 2 - 1.0) / spread < QUANTILE
+
+
+def _moves(fit: FitResult, channel: ChannelNoise) -> bool:
+    """Whether a channel varies by more than noise at its floor."""
+    error = fit.errors[channel.name]
+    if not math.isfinite(error.r2):
+        return False
+    spread = error.rmse / math.sqrt(max(1.0 - error.r2, 1e-12))
+    return spread > _MOVING * channel.floor
 
 
 def error_below(fit: FitResult, share: float) -> bool:
@@ -223,6 +307,12 @@ def _autocovariance(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.fft.irfft(np.abs(padded) ** 2, 2 * values.size)[: values.size])
 
 
+#: a floor is known to this share of it at best
+_FLOOR_KNOWN = 0.04
+#: heavy tails make a root mean square larger than a median of absolute values says, by at most this factor
+_TAILS = 1.4
+#: a channel moves if it varies by more than this many times its floor
+_MOVING = 3.0
 _LEAST = 1e-6
 
 

@@ -7,7 +7,16 @@ from collections.abc import Collection, Sequence
 from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.candidates import candidates, data_ranges, require_known
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
-from rigctl.analysis.fitting import Data, OnProgress, fit_to_data, no_progress, read_runs
+from rigctl.analysis.decision_levels import BELOW_NOISE
+from rigctl.analysis.fitting import (
+    Data,
+    OnProgress,
+    fit_in_noise,
+    fit_to_data,
+    no_progress,
+    noise_in,
+    read_runs,
+)
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import project
@@ -19,6 +28,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
+from rigctl.model.measured.standing import floor_alone, with_what_is_left
 from rigctl.model.model import Model
 from rigctl.units import show
 
@@ -106,6 +116,10 @@ def judge(
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)
+    if tests.below_noise:
+        again = _without_refuted_noise(fitted)
+        if again is not None:
+            return judge(again, name, excluded=excluded, on_progress=on_progress)
     return ModelComparison(
         name=name,
         fit=fitted,
@@ -118,6 +132,28 @@ def judge(
         excluded=frozenset(excluded),
         slopes=slopes,
     )
+
+
+def _without_refuted_noise(fitted: FitResult) -> FitResult | None:
+    """The model fitted again with the white floor alone for noises that its errors refute; None without any.
+
+    Any model with few parameters is an upper bound: errors smaller than an assumed noise show that too much
+    was assumed.
+    """
+    noise = noise_in(fitted)
+    refuted = [
+        channel.name
+        for channel in noise.model.channels
+        if channel.source != "floor"
+        and channel.name in fitted.errors
+        and fitted.errors[channel.name].nrmse <= BELOW_NOISE
+    ]
+    learned = floor_alone(noise, refuted, "the model leaves less than the noise that was assumed")
+    if learned is None:
+        return None
+    again = fit_in_noise(fitted, learned)
+    left = with_what_is_left(learned, again.problem.measurements, again.outputs, again.fitted)
+    return again if left is None else fit_in_noise(again, left)
 
 
 def data_notes(fitted: FitResult) -> list[str]:

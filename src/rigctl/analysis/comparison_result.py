@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,6 +19,7 @@ from rigctl.analysis.single_values.rows import TableRow
 from rigctl.analysis.slopes import KnownSlopes
 from rigctl.analysis.slot_evidence import SlotEvidence
 from rigctl.analysis.trends import Trend
+from rigctl.analysis.undecided import what_decides
 from rigctl.json_values import finite_or_none
 from rigctl.model.curve_bands import CurveBand
 from rigctl.model.fit.errors import ChannelError
@@ -28,7 +30,7 @@ from rigctl.model.measured.record import Measurements
 from rigctl.model.validity import Departure, departures
 from rigctl.noise import ChannelNoise
 from rigctl.notebook import as_html, one_line
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,6 +134,16 @@ class ModelComparison:
         """True if the data show nothing that the model lacks."""
         return self.adequacy.adequate
 
+    @cached_property
+    def decided_by(self) -> tuple[str, ...]:
+        """What would tell slow noise from a missing effect; empty if that is decided."""
+        return what_decides(self.fit, self.adequacy.unproven) if self.adequacy.undecided else ()
+
+    @property
+    def in_brief(self) -> tuple[str, ...]:
+        """One line for each channel: its error, the noise, and the share of its variance explained (R²)."""
+        return tuple(_in_brief(name, one) for name, one in self.channels().items())
+
     def channels(self) -> dict[str, dict[str, Any]]:
         """The errors by channel, in the channels' units."""
         measurements = self.fit.problem.measurements
@@ -158,7 +170,9 @@ class ModelComparison:
         }
         return {
             "model": self.name,
-            "adequate": self.adequate,
+            "adequate": self.adequacy.verdict,
+            "unproven": list(self.adequacy.unproven),
+            "decided_by": list(self.decided_by),
             "below_noise": self.adequacy.below_noise,
             "p_value": self.adequacy.p_value,
             "tests": tests,
@@ -233,9 +247,7 @@ class Comparison:
             errors = ", ".join(
                 f"{name} {one['rmse']:.3g} {one['unit']}" for name, one in model.channels().items()
             )
-            verdict = "adequate" if model.adequate else "not adequate"
-            if model.adequacy.below_noise:
-                verdict = "not decided"
+            verdict = {True: "adequate", False: "not adequate", None: "not decided"}[model.adequacy.verdict]
             lines.append(f"{model.name}: {verdict} ({chance_text(model.adequacy.p_value)}); error {errors}")
             lines.append(f"  {model.statement}")
         return "\n".join(lines)
@@ -245,7 +257,7 @@ class Comparison:
         import pandas as pd
 
         rows = [
-            {"model": model.name, "adequate": model.adequate, "channel": name, **values}
+            {"model": model.name, "adequate": model.adequacy.verdict, "channel": name, **values}
             for model in self.models
             for name, values in model.channels().items()
         ]
@@ -253,7 +265,8 @@ class Comparison:
 
     def __repr__(self) -> str:
         """The verdicts on one line."""
-        verdicts = ", ".join(f"{m.name} {'adequate' if m.adequate else 'not adequate'}" for m in self.models)
+        words = {True: "adequate", False: "not adequate", None: "not decided"}
+        verdicts = ", ".join(f"{m.name} {words[m.adequacy.verdict]}" for m in self.models)
         return one_line(self, f"of {len(self.runs)} run{'' if len(self.runs) == 1 else 's'}: {verdicts}")
 
     def _repr_html_(self) -> str:
@@ -268,6 +281,9 @@ def _channel(
         **in_unit(error, unit),
         "noise_share": noise.share or None,
         "noise_source": noise.source,
+        "noise_standing": noise.standing,
+        "noise_floor": noise.floor / parse_unit(unit).factor or None,
+        "noise_plateau": noise.plateau,
         "step": noise.step / parse_unit(unit).factor or None,
         "noise_guessed": noise.guessed,
         "noise_growth": _growth(noise, unit),
@@ -279,6 +295,23 @@ def _channel(
         "r2": finite_or_none(error.r2),
         "heldout_rmse": None if held_out is None else in_unit(held_out, unit)["rmse"],
     }
+
+
+def _in_brief(name: str, one: Mapping[str, Any]) -> str:
+    """``speed: error 0.45 rad/s, white noise 0.024 rad/s, fit 93.1 % (R²)``."""
+    share = one["noise_share"]
+    what = "white noise" if one["noise_standing"] == "floor" else "noise"
+    bound = "at most " if one["noise_standing"] == "floor" and not one["noise_plateau"] else ""
+    noise = f"{significant(100.0 * share, 2)} %" if share else f"{significant(one['noise'], 2)} {one['unit']}"
+    text = f"{name}: error {significant(one['rmse'], 3)} {one['unit']}, {what} {bound}{noise}"
+    return text if one["r2"] is None else f"{text}, fit {_per_cent(one['r2'])} (R²)"
+
+
+def _per_cent(share: float) -> str:
+    """A share of a variance: ``67 %``, with more digits close to 100 %, where they matter."""
+    rest = 100.0 * (1.0 - share)
+    digits = min(6, max(0, -math.floor(math.log10(rest)))) if 0.0 < rest < 1.0 else 0
+    return f"{100.0 * share:.{digits}f} %"
 
 
 def _growth(noise: ChannelNoise, unit: str) -> dict[str, Any] | None:

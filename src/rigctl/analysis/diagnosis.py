@@ -19,7 +19,7 @@ from rigctl.analysis.power import power_text
 from rigctl.analysis.ranking import most_visible, ranking_of
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import share_text
-from rigctl.analysis.repeated_fit import from_another_start, in_noise_of_the_leader
+from rigctl.analysis.repeated_fit import from_another_start, in_scale_of
 from rigctl.analysis.search import Search, require_number_of_effects
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import (
@@ -29,6 +29,7 @@ from rigctl.analysis.text import (
     verdict_text,
     whether_at_all,
 )
+from rigctl.analysis.undecided import what_decides
 from rigctl.analysis.untestable import untestable
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
@@ -38,6 +39,8 @@ from rigctl.model.validity import departures
 from rigctl.units import parse_unit
 
 _SHOWN = 12
+#: how often the scale of the errors may be reduced to what the nearest set leaves
+_SCALES = 3
 #: share of an effect's signature that unrecorded inputs can reproduce, above which they hide it
 _MOSTLY = 0.5
 
@@ -141,6 +144,7 @@ def diagnose_comparison(
         laws=judgement.laws,
         outside=departures(best.fit),
         unconfirmed=judgement.unconfirmed,
+        decided_by=what_decides(before.fit, before.adequacy.unproven) if verdict is Verdict.UNDECIDED else (),
     )
     if not further_laws(diagnosis):
         return diagnosis
@@ -197,15 +201,29 @@ def _laws_instead(search: Search) -> tuple[LawAnswer, ...]:
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:
     """The search and its best set; repeated if the refits show that the noise or the fit was wrong."""
-    search = Search(before, before.whole, most=most, on_progress=on_progress)
-    again = in_noise_of_the_leader(search)
-    if again is not None:
-        search = Search(again, again.whole, most=most, on_progress=on_progress)
-    best = search.none if agrees_within_tolerance(search) else search.best()
+
+    def begun(compared: ModelComparison) -> Search:
+        return Search(compared, compared.whole, most=most, on_progress=on_progress)
+
+    def ended(search: Search) -> RefittedSet:
+        return search.none if agrees_within_tolerance(search) else search.best()
+
+    search = begun(before)
+    scaled = search.in_own_scale and not agrees_within_tolerance(search)
+    if scaled:
+        again = in_scale_of(search, search.none, independent=True)
+        search = search if again is None else begun(again)
+    for turn in range(_SCALES if scaled else 0):
+        # in the scale of what the nearest set leaves another one may be nearer, and leave less
+        again = in_scale_of(search, search.nearest(), larger=turn == 0)
+        if again is None:
+            break
+        search = begun(again)
+    best = ended(search)
     again = from_another_start(search)
     if again is not None:
-        search = Search(again, again.whole, most=most, on_progress=on_progress)
-        best = search.none if agrees_within_tolerance(search) else search.best()
+        search = begun(again)
+        best = ended(search)
     return search, best
 
 

@@ -60,6 +60,7 @@ class Verdict(StrEnum):
     MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does so as well
     AMBIGUOUS = "ambiguous"  #: several effects explain it, and these data cannot distinguish them
     OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no set of effects explains well enough
+    UNDECIDED = "undecided"  #: what is left is slow noise or a missing effect: these data cannot tell which
 
 
 @dataclass(frozen=True)
@@ -218,6 +219,7 @@ class Diagnosis:
     bootstrap: Bootstrap | None = None
     unconfirmed: tuple[str, ...] = ()
     opening: str = ""
+    decided_by: tuple[str, ...] = ()
 
     @property
     def slot(self) -> str:
@@ -236,7 +238,7 @@ class Diagnosis:
         """The verdict as a short title."""
         if self.verdict is Verdict.MISSING_EFFECT and len(self.effects) > 1:
             return f"{len(self.effects)} effects are missing"
-        if self.doubt:
+        if self.doubt or self.verdict is Verdict.UNDECIDED:
             return "Not decided"
         return {
             Verdict.ADEQUATE: "Adequate",
@@ -277,6 +279,8 @@ class Diagnosis:
             "ranking": [one.document() for one in self.ranking],
             "remainder": None if self.remainder is None else self.remainder.document(),
             "doubt": self.doubt,
+            "decided_by": list(self.decided_by),
+            "channels": self.before.channels(),
             "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
             "drift": [
                 {

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -23,7 +25,15 @@ from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
+from rigctl.model.measured.standing import (
+    with_standing,
+    with_what_is_left,
+    without_doubtful_slow_noise,
+)
 from rigctl.model.model import Model
+
+#: share of a channel's variance below which a model has not locked on to it, and number of starts then tried
+_LOCKED, _STARTS = 0.3, 6
 
 #: called with a description of the current step
 OnProgress = Callable[[str], None]
@@ -165,16 +175,31 @@ def fit_problem(
     which it ends, as in `rigctl.model.fit.fit.fit`. `iterated` is called with each iteration; an exception
     that it raises ends the fit.
     """
+    # The order matters. Every step needs the predictions of the fit before it, and each one that changes the
+    # noise is followed by another fit, which starts where the last one ended:
+    # 1. a first fit. What windows took for slow noise may be the signal itself, and would lead it astray;
+    # 2. spikes in its residuals;
+    # 3. what is known of the noise, now that the model says where the bench rests;
+    # 4. how the noise depends on the level;
+    # 5. where only the white floor is known, what the model leaves is the scale of its errors.
     if not refit:
         fitted = problem.model.fitted
         problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
     ends = fit if cost is None else partial(fit, cost=cost)
-    result = ends(problem, held_out, refit=bool(problem.shared), local=local, progress=iterated)
-    for learn in (_spikes_off, _noise_off):
+    first = without_doubtful_slow_noise(noise)
+    begun = problem if first is None else _in_noise(problem, first, on_progress)
+    result = ends(begun, held_out, refit=bool(problem.shared), local=local, progress=iterated)
+    if refit and not local:
+        result = _locked_on(result, on_progress)
+    again = partial(fit_in_noise, refit=refit, on_progress=on_progress, iterated=iterated)
+    for learn in (_spikes_off, _standing, _noise_off, _left, _left):
         cleaned = learn(result, noise)
         if cleaned is not None:
             noise = cleaned
-            result = fit_in_noise(result, noise, refit=refit, on_progress=on_progress, iterated=iterated)
+            if learn is not _spikes_off or first is None:
+                result, first = again(result, noise), None
+    if first is not None:  # the slow noise was real
+        result = again(result, noise)
     return result
 
 
@@ -183,8 +208,40 @@ def _spikes_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
     return with_spikes_off_model(noise, fitted.problem.measurements, errors)
 
 
+def _standing(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
+    return with_standing(noise, fitted.problem.measurements, fitted.outputs)
+
+
 def _noise_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
     return with_noise_off_model(noise, fitted.problem.measurements, fitted.outputs)
+
+
+def _left(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
+    return with_what_is_left(noise, fitted.problem.measurements, fitted.outputs, fitted.fitted)
+
+
+def _locked_on(fitted: FitResult, on_progress: OnProgress) -> FitResult:
+    """The fit, or a better one from another start if it follows none of what a channel does.
+
+    An oscillation of the wrong frequency, or a lag longer than the record, leaves a local minimum in which a
+    model predicts hardly more than a mean.
+    """
+    worst = min((one.r2 for one in fitted.errors.values() if math.isfinite(one.r2)), default=1.0)
+    if worst > _LOCKED or not fitted.problem.shared or fitted.solution is None:
+        return fitted
+    on_progress(f"Fitting {fitted.problem.model.name} from other starting values")
+    with suppress(RigctlError):  # no start can be simulated: the first fit is kept
+        again = fit(fitted.problem, fitted.held_out, starts=_STARTS)
+        if again.solution is not None and again.solution.cost < fitted.solution.cost:
+            return again
+    return fitted
+
+
+def _in_noise(problem: Problem, noise: DataNoise, on_progress: OnProgress) -> Problem:
+    """The problem with another noise of the same data."""
+    again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
+    names = {one.name for one in problem.shared}
+    return again.with_shared([one for one in again.shared if one.name in names])
 
 
 def fit_in_noise(

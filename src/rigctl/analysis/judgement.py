@@ -19,6 +19,7 @@ from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.identity import Levels, same_cause
 from rigctl.analysis.laws.answer import LawAnswer, Laws
 from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.own_scale import follows_inputs, proven_by_collapse
 from rigctl.analysis.remainder import Remainder, remainder
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.search import Search
@@ -162,7 +163,9 @@ def verdict_on(
 ) -> Verdict:
     """The verdict on a set, from its rivals, its cross-validations and what it leaves."""
     if agrees_within_tolerance(search):
-        return Verdict.ADEQUATE
+        return Verdict.UNDECIDED if search.before.adequacy.below_noise else Verdict.ADEQUATE
+    if search.in_own_scale and not proven_by_collapse(search, best):
+        return Verdict.OUTSIDE_LIBRARY if follows_inputs(search.before) else Verdict.UNDECIDED
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
     if failed_checks(checks) and remaining is not None and len(best.candidates) > 1:

@@ -18,6 +18,7 @@ from rigctl.analysis.single_values.rows import TableRow, table_rows
 from rigctl.analysis.single_values.statements import table_findings, table_statement
 from rigctl.analysis.slot_evidence import SlotEvidence, slot_evidence
 from rigctl.analysis.trends import Trend, sentence, trends
+from rigctl.analysis.undecided import undecided_text
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.curve_bands import CurveBand, curve_bands
 from rigctl.model.fit.fit import FitResult
@@ -100,6 +101,8 @@ class LocatedError:
                 f"in the residuals ({chance}), but the noise of these readings differs from its estimate, so "
                 "that they cannot decide"
             )
+        if self.adequacy.undecided:
+            return undecided_text(self.fit, name, self.adequacy.unproven)
         if self.adequacy.adequate:
             return self._agreement
         text = f"{name} does not agree with the measurements ({chance})"

@@ -36,5 +36,5 @@ def effective_samples(fit: FitResult) -> float:
     for c, channel in enumerate(problem.noise.channels):
         count = sum(int(problem.ok[k][:, c].sum()) for k in fit.fitted)
         together = (1.0 - channel.white) * channel.correlation / (1.0 - channel.correlation)
-        total += count / (1.0 + 2.0 * together)
+        total += count / ((1.0 + 2.0 * together) * channel.together)
     return max(total, float(len(fit.fitted)), 2.0)

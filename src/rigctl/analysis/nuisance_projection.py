@@ -24,6 +24,7 @@ _WORTH: dict[Source, int] = {
     "quiet": 4,
     "residuals": 4,
     "differences": 4,
+    "floor": 4,
     "replicates": 4,
     "assumed": 2,
 }

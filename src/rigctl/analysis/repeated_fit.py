@@ -1,7 +1,7 @@
-"""Repeat a fit, or the noise estimate, if the refits with effects show that it was wrong.
+"""Repeat a fit, or change the scale of its errors, if the refits with effects show that it was wrong.
 
-A diagnosis compares refits with the fit of the given model, using the noise that this fit showed. If a refit
-shows that either was wrong, both are repeated, and with them the diagnosis.
+A diagnosis compares refits with the fit of the given model, in the scale of the errors that this fit showed.
+If a refit shows that either was wrong, both are repeated, and with them the diagnosis.
 """
 
 from __future__ import annotations
@@ -19,46 +19,43 @@ from rigctl.analysis.search import Search
 from rigctl.engine.least_squares import started
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
-from rigctl.model.measured.noise import DataNoise, with_noise_off_model
-from rigctl.noise import ChannelNoise
+from rigctl.model.measured.noise import DataNoise
+from rigctl.model.measured.standing import with_what_is_left
 
-#: noise with a higher correlation than this may be the trace of an effect
-_SLOW = 0.9
+#: the scale of what is left counts as smaller below this share of it
+_SMALLER = 0.85
 
 
-def in_noise_of_the_leader(search: Search) -> ModelComparison | None:
-    """The model judged again with the noise left by the most probable effect; None if that changes nothing.
+def in_scale_of(
+    search: Search, leader: RefittedSet, *, independent: bool = False, larger: bool = False
+) -> ModelComparison | None:
+    """The model judged again in the scale of what a leader leaves; None if that is nearly the same.
 
-    If a test rejects a model whose error is below the noise, the noise is wrong: motion, or an effect that
-    the model lacks, inflated its estimate. The residuals of the best single effect contain less of either.
-    Their noise is adopted if it is smaller and no longer as slow as a signal: anything still missing beside
-    that effect would appear in it as slow noise. If nothing is missing, no effect with a few parameters
-    reduces the noise of thousands of readings; and if the right effect is not in the library, none makes it
-    white.
+    Where only the white floor of a noise is known, what a model leaves is the scale of its errors. A model
+    that lacks something leaves much, and slowly: in its own scale no effect would seem to matter. What the
+    nearest effect leaves is an upper bound of the noise, as of every model with few parameters. In that scale
+    a gain is ``(Σe₀²/Σe₁² − 1)·n/τ``, with the residuals e₀ of the model, e₁ and their correlation time τ of
+    the leader: large only if the effect makes the misfit collapse, whatever the noise is.
+
+    Parameters
+    ----------
+    independent: count every reading as independent, τ = 1: a scale in which to look for the leader only.
+    larger: take a larger scale too, after such a search.
     """
     before = search.before
-    if not before.adequacy.below_noise:
+    noise, problem = noise_in(before.fit), before.fit.problem
+    learned = with_what_is_left(
+        noise, problem.measurements, leader.fit.outputs, leader.fit.fitted, independent=independent
+    )
+    if learned is None or not (larger or _smaller(noise, learned)):
         return None
-    leader = search.best_single()
-    if not leader.candidates:
-        return None
-    problem, noise = before.fit.problem, noise_in(before.fit)
-    learned = with_noise_off_model(noise, problem.measurements, leader.fit.outputs)
-    if learned is None or not _clearer(noise, learned):
-        return None
-    again = fit_in_noise(before.fit, learned)
-    return judge(again, before.name, excluded=before.excluded)
+    return judge(fit_in_noise(before.fit, learned), before.name, excluded=before.excluded)
 
 
-def _clearer(noise: DataNoise, learned: DataNoise) -> bool:
-    """Whether every doubtful channel is now less noisy and no longer slow, and the others are unchanged."""
-    pairs = list(zip(noise.model.channels, learned.model.channels, strict=True))
-    slow = [pair for pair in pairs if _slow(pair[0])]
-    return bool(slow) and all(new.sigma < old.sigma and not _slow(new) for old, new in slow)
-
-
-def _slow(channel: ChannelNoise) -> bool:
-    return channel.guessed or channel.correlation > _SLOW
+def _smaller(noise: DataNoise, learned: DataNoise) -> bool:
+    """Whether the scale of some channel is now considerably smaller."""
+    pairs = zip(noise.model.channels, learned.model.channels, strict=True)
+    return any(new.sigma < _SMALLER * old.sigma for old, new in pairs)
 
 
 def from_another_start(search: Search) -> ModelComparison | None:

@@ -81,6 +81,20 @@ class Search(RefittedSets):
         self._singles()
         return self.least([self.none, *self.trials.values()])
 
+    @property
+    def in_own_scale(self) -> bool:
+        """Whether only the floor of some noise is known: what a model leaves is then the scale of its
+        errors."""
+        return any(channel.standing == "floor" for channel in self.before.fit.problem.noise.channels)
+
+    def nearest(self) -> RefittedSet:
+        """The set with the least misfit, whatever it costs: single effects, also at finite sizes."""
+        if not self.start.screening.scores:
+            return self.none
+        self._singles()
+        self._finite_sizes()
+        return min([self.none, *self.trials.values()], key=lambda one: one.chi2)
+
     def _singles(self) -> None:
         scores = self.start.screening.scores
         lin, projected = self.start.linearisation, self.start.projected
@@ -143,6 +157,12 @@ class Search(RefittedSets):
         """
         if self.of_few_rows or not self.left(best) > self.allowed or self.below_noise(best):
             return best
+        self._finite_sizes()
+        return self.least([best, *self.trials.values()])
+
+    def _finite_sizes(self) -> None:
+        """Refit the effects whose slope at the null is uninformative, from the finite sizes that promise
+        most."""
         tried = {name for trial in self.trials.values() for name in trial.effects}
         gains = {score.effect: score.gain for score in self.before.screening.scores}
         silent = [
@@ -152,19 +172,18 @@ class Search(RefittedSets):
         ]
         sized = [secant for one in silent for secant in at_sizes(one, _SIZES)]
         if not sized:
-            return best
+            return
         self.on_progress("Trying effects at finite sizes")
         try:
             scores = screen(project(linearise(self.before.fit, self.whole, sized))).scores
         except RigctlError:  # the model cannot be simulated with one of them
-            return best
+            return
         # for so large an effect the linear problem is inaccurate: it only orders the candidates
         promising = sorted((score for score in scores if score.gain > WORTH), key=lambda one: -one.gain)
         for name in [score.effect for score in promising][:_PAIRS]:
             self.on_progress(f"Refitting with {name}")
             for one in (one for one in sized if one.name == name):
                 self.refitted_also_from((one,), self.none)
-        return self.least([best, *self.trials.values()])
 
     def _pairs(self, best: RefittedSet) -> RefittedSet:
         """The best pairs of the linear problem, with the best single effect's next candidates and without it.

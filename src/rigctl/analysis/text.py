@@ -27,6 +27,7 @@ from rigctl.analysis.identity import only_constants, wanted_elsewhere
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, share_text
 from rigctl.analysis.rivals import Differs, Rival
+from rigctl.analysis.undecided import undecided_text
 from rigctl.effects.declaration import Effect
 from rigctl.effects.record_level import RECORD
 from rigctl.units import parse_unit
@@ -90,6 +91,9 @@ def verdict_text(
     """
     if verdict is Verdict.ADEQUATE:
         return Statement(before.statement, before.statement)
+    if verdict is Verdict.UNDECIDED:
+        text = before.statement if before.adequacy.below_noise else _undecided(before)
+        return Statement(text, text)
     names = " and ".join(candidate.effect.name for candidate, _ in chosen)
     described = ". ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
     if verdict is Verdict.OUTSIDE_LIBRARY and not described:
@@ -123,6 +127,11 @@ def verdict_text(
     if remaining is not None:
         text += f". That is not all: {remaining.statement}"
     return Statement(opening, text)
+
+
+def _undecided(before: ModelComparison) -> str:
+    """Slow noise or a missing effect, as the model itself leaves it."""
+    return undecided_text(before.fit, before.name, before.adequacy.unproven)
 
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:

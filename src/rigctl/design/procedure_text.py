@@ -164,7 +164,7 @@ class Writer:
         assert role is not None  # noqa: S101 - asked for where there is one
         actuator, channel = self.rig.actuators[role.actuator], self.rig.channels[role.channel]
         width = float(actuator.high or 0.0) - float(actuator.low or 0.0)
-        noise = float(channel.noise or 0.0)
+        noise = channel.noise_level
         return written(max(_WITHIN * width, _HOME_SIGMAS * noise), channel.unit)
 
     def _home(self) -> list[str]:
@@ -173,7 +173,7 @@ class Writer:
             return []
         channel = self.rig.channels[role.position]
         stroke = float(self.rig.geometry.get("stroke", 0.0))
-        near = max(_HOME_SHARE * stroke, _HOME_SIGMAS * float(channel.noise or 0.0), 2.0 * channel.resolution)
+        near = max(_HOME_SHARE * stroke, _HOME_SIGMAS * channel.noise_level, 2.0 * channel.resolution)
         condition = f"{role.position} < {written(near, channel.unit)}"
         return [f"- retract: {{until: {condition}, timeout: {seconds(HOME.timeout)}}}"]
 

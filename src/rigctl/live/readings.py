@@ -95,7 +95,7 @@ def shown(value: float, channel: Channel) -> str:
 
 def decimals(channel: Channel) -> int:
     """Decimals of a channel's value: those of its converter's step, or of its noise without a converter."""
-    step = (channel.resolution or float(channel.noise or 0.0)) / parse_unit(channel.unit).factor
+    step = (channel.resolution or channel.noise_level) / parse_unit(channel.unit).factor
     if not math.isfinite(step) or step <= 0.0:
         return 3
     return min(max(-math.floor(math.log10(step) + 1e-9), 0), 6)
@@ -126,7 +126,7 @@ def least_span(channel: Channel, rig: Rig) -> float:
     """The smallest range that a sparkline of this channel spans, SI."""
     if channel.range is not None:
         return _LEAST_SPAN * (channel.range[1] - channel.range[0])
-    return 4.0 * (channel.resolution or float(channel.noise or 0.0))
+    return 4.0 * (channel.resolution or channel.noise_level)
 
 
 def sparkline(values: Sequence[float], span: float, *, unicode: bool = True) -> str:

@@ -110,5 +110,5 @@ def _warnings(
 
 def _below_noise(effect_signature: Signature, rig: Rig) -> bool:
     largest = np.abs(effect_signature.difference).max(axis=0)
-    noise = [rig.channels[name].noise for name in effect_signature.output_names]
+    noise = [rig.channels[name].noise_level for name in effect_signature.output_names]
     return all(size and change < size for change, size in zip(largest, noise, strict=True))

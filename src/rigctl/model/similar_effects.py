@@ -61,11 +61,11 @@ def lookalikes(
 
 def _scales(effect_signature: Signature, rig: Rig | None) -> Floats:
     """The scale of each reading."""
-    noise = [rig.channels[name].noise if rig is not None else None for name in effect_signature.output_names]
+    noise = [
+        rig.channels[name].noise_level if rig is not None else 0.0 for name in effect_signature.output_names
+    ]
     spread = np.ptp(effect_signature.without, axis=0)
-    return np.array(
-        [float(n) if n else float(s) or 1.0 for n, s in zip(noise, spread, strict=True)], dtype=float
-    )
+    return np.array([n or float(s) or 1.0 for n, s in zip(noise, spread, strict=True)], dtype=float)
 
 
 def _directions(changes: Floats) -> Floats:

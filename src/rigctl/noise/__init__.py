@@ -1,12 +1,14 @@
 """Noise of the measurements, estimated from arrays of readings without a model of the bench."""
 
 from rigctl.noise.edges import find_edges
-from rigctl.noise.estimate import estimate_noise, spikes_of, usual_spacing
-from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
+from rigctl.noise.estimate import estimate_noise, floor_of, spikes_of, usual_spacing
+from rigctl.noise.floor import Floor, even_pieces, floor_of_residuals, white_floor
+from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source, Standing
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.residual_noise import ModelResiduals, Width, width_off_model
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
 from rigctl.noise.scatter import Scatter, estimate_scatter
+from rigctl.noise.serial_correlation import autocovariance, correlation_time, portmanteau
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records
 from rigctl.noise.statements import channel_statement, model_statement, recounted
 from rigctl.noise.variance import VarianceLaw
@@ -14,27 +16,36 @@ from rigctl.noise.whitening import Whitener, whiten
 
 __all__ = [
     "ChannelNoise",
+    "Floor",
     "ModelResiduals",
     "NoiseModel",
     "NoiseRecord",
     "RowNoise",
     "Scatter",
     "Source",
+    "Standing",
     "VarianceLaw",
     "Whitener",
     "Width",
+    "autocovariance",
     "channel_statement",
+    "correlation_time",
     "estimate_noise",
     "estimate_scatter",
+    "even_pieces",
     "find_edges",
     "find_spikes",
     "find_spikes_in_records",
+    "floor_of",
+    "floor_of_residuals",
     "model_statement",
+    "portmanteau",
     "recounted",
     "row_noise",
     "same_reading",
     "spikes_of",
     "usual_spacing",
+    "white_floor",
     "whiten",
     "width_off_model",
 ]

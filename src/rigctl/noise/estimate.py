@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.noise import differences
 from rigctl.noise.channel_noise import ChannelData, learn_noise
 from rigctl.noise.converter import find_step, stretch_bias
+from rigctl.noise.floor import Floor, even_pieces, white_floor
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.pooling import Pooled
 from rigctl.noise.record import NoiseRecord
@@ -37,10 +37,12 @@ def estimate_noise(
 ) -> NoiseModel:
     """The noise of every channel.
 
-    In this order: stretches that show noise alone (under a quadratic trend), combined with differences
-    between replicates if the records move too much, by restricted maximum likelihood (`pool`); fourth
-    differences, which cannot show correlation; the number in the rig file; a guess. No model of the bench is
-    used.
+    Of each channel two things are estimated. Its white *floor*, from differences of rising order, which holds
+    whatever the bench does (`rigctl.noise.floor`). And the whole noise with its slow part, as far as the
+    records show it: from stretches that show noise alone (under a quadratic trend), combined with differences
+    between replicates if the records move too much, by restricted maximum likelihood (`pool`); else the floor
+    alone; the number in the rig file; a guess. No model of the bench is used: whether a quiet stretch was at
+    rest is decided later, with a model (`rigctl.model.measured.standing`).
 
     Parameters
     ----------
@@ -115,6 +117,9 @@ def _channel_noise(
     values = [record.values[good[:, channel], channel] for record, good in zip(records, ok, strict=True)]
     step = find_step(values)
     size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
+    floor = floor_of(records, ok, channel, spacing)
+    if floor is not None and floor.sigma <= max(_ROUNDING * size, step / float(np.sqrt(12.0))):
+        floor = replace(floor, sigma=step / float(np.sqrt(12.0))) if step else None
     pooled = _learnt(ChannelData(records, ok, channel, spacing, step))
     if pooled is not None and pooled.fit.sigma > _ROUNDING * size:
         source: Source = "replicates" if pooled.replicates > pooled.quiet else "quiet"
@@ -133,8 +138,10 @@ def _channel_noise(
             degrees=fit.degrees,
         )
     else:
-        noise = _without_windows(records, ok, channel, name, step, known, masked, size)
+        noise = _without_windows(floor, name, step, known, masked, size)
     noise = _with_law(noise, records, ok, channel, spacing)
+    if floor is not None:
+        noise = replace(noise, floor=floor.sigma, plateau=floor.measured)
     return noise.stated(channel_statement(noise, known))
 
 
@@ -197,24 +204,30 @@ def _with_steps(sigma: float, step: float) -> tuple[float, float]:
     return float(np.hypot(before, step / np.sqrt(12.0))) if step else sigma, stretch_bias(step, before)
 
 
-def _without_windows(
-    records: Sequence[NoiseRecord],
-    ok: Sequence[NDArray[np.bool_]],
-    channel: int,
-    name: str,
-    step: float,
-    known: float | None,
-    masked: int,
-    size: float,
-) -> ChannelNoise:
-    sigma, count = differences.difference_noise(records, ok, channel)
-    if count >= differences.FEWEST and sigma > _ROUNDING * size:
-        sigma, bias = _with_steps(sigma, step)
-        return ChannelNoise(
-            name, sigma, 0.0, step, "differences", guessed=False, masked=masked, bias=bias, degrees=count
+def floor_of(
+    records: Sequence[NoiseRecord], ok: Sequence[NDArray[np.bool_]], channel: int, spacing: float
+) -> Floor | None:
+    """The white floor of one channel over all records; None if there are too few readings."""
+    pieces = [
+        piece
+        for record, good in zip(records, ok, strict=True)
+        for piece in even_pieces(
+            record.times, np.where(good[:, channel], record.values[:, channel], np.nan), spacing
         )
-    floor = step / float(np.sqrt(12.0))
+    ]
+    return white_floor(pieces)
+
+
+def _without_windows(
+    floor: Floor | None, name: str, step: float, known: float | None, masked: int, size: float
+) -> ChannelNoise:
+    if floor is not None:
+        sigma, bias = _with_steps(floor.sigma, step)
+        return ChannelNoise(
+            name, sigma, 0.0, step, "floor", guessed=False, masked=masked, bias=bias, degrees=floor.degrees
+        )
+    least = step / float(np.sqrt(12.0))
     if known is not None:
-        return ChannelNoise(name, max(known, floor), 0.0, step, "rig", guessed=True, masked=masked)
-    guess = floor or _ASSUMED * size or 1.0
+        return ChannelNoise(name, max(known, least), 0.0, step, "rig", guessed=True, masked=masked)
+    guess = least or _ASSUMED * size or 1.0
     return ChannelNoise(name, guess, 0.0, step, "assumed", guessed=True, masked=masked)

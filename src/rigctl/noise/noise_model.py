@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from rigctl.noise.variance import VarianceLaw, smooth_course
 
 #: sources of a channel's noise, best first
-Source = Literal["replicates", "quiet", "residuals", "differences", "rig", "assumed"]
+Source = Literal["replicates", "quiet", "residuals", "rig", "differences", "floor", "assumed"]
+#: how much is known of a channel's noise: all of it from something independent of the model, all of it because
+#: the user says so, its white part alone, or nothing
+Standing = Literal["measured", "stated", "floor", "guess"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,11 @@ class ChannelNoise:
         typical one.
     law: how the standard deviation depends on the channel's level and rate; sigma is then the root of the
         mean square over the readings.
+    floor: SI, the white part, from differences of rising order (`rigctl.noise.floor`); 0 if not determined.
+    plateau: the floor is measured; False if it is only an upper bound of the white part.
+    together: if only the floor is known (source ``floor``), the number of neighbouring residuals that count as
+        one: sigma² is then their mean square times this, see `rigctl.model.measured.standing`.
+    remark: what contradicts a number that the rig file states, in words; "as stated" if nothing does.
     """
 
     name: str
@@ -60,6 +68,10 @@ class ChannelNoise:
     edges: int = 0
     share: float = 0.0
     law: VarianceLaw | None = None
+    floor: float = 0.0
+    plateau: bool = False
+    together: float = 1.0
+    remark: str = ""
 
     def __post_init__(self) -> None:
         if not (self.sigma > 0.0 and np.isfinite(self.sigma)):
@@ -68,6 +80,20 @@ class ChannelNoise:
             raise ValueError(f"correlation of {self.name} must lie in [0, 1), got {self.correlation}")
         if not 0.0 <= self.white <= 1.0:
             raise ValueError(f"white share of {self.name} must lie in [0, 1], got {self.white}")
+
+    @property
+    def standing(self) -> Standing:
+        """What is known of this noise."""
+        if self.source == "floor":
+            return "floor"
+        if self.source == "rig":
+            return "stated"
+        return "guess" if self.guessed else "measured"
+
+    @property
+    def level(self) -> float:
+        """SI, the standard deviation to compare an error with: the floor where only that is known."""
+        return self.floor if self.source == "floor" and self.floor else self.sigma
 
     def stated(self, statement: str) -> ChannelNoise:
         """This noise with another statement."""

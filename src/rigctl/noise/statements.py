@@ -11,8 +11,9 @@ _FROM = {
     "replicates": "differences between replicates and quiet stretches",
     "quiet": "quiet stretches of the records",
     "residuals": "the model's residuals within short windows",
-    "differences": "differences between neighbouring samples, which cannot show correlation",
-    "rig": "the rig file: the data do not determine it",
+    "differences": "differences between neighbouring rows, which cannot show correlation",
+    "floor": "differences of rising order, which show its white part alone",
+    "rig": "the rig file",
     "assumed": "nothing but a guess: neither the data nor the rig file determines it",
 }
 

@@ -124,6 +124,11 @@ def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[i
     return pieces
 
 
+def window_pieces(phase: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """(first sample, one past the last) of every window of a record; `phase` (n) as in `NoiseRecord`."""
+    return [(first, last) for _, _, first, last in _pieces(phase, {})]
+
+
 def _group(
     pattern: tuple[float, ...], members: Sequence[tuple[NDArray[np.float64], int, int]], order: int
 ) -> WindowGroup:

@@ -11,6 +11,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyAmount, AnyDifference
 from rigctl.rig.base import Part
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
+from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import Unit, interval_unit, parse_unit
 
 #: measurable quantities, each with a unit of its dimension; for "other" the unit determines the dimension
@@ -85,7 +86,10 @@ class Channel(Part):
     calibration: Calibration = Field(
         default=Calibration(), description="conversion from raw values to the unit"
     )
-    noise: AnyDifference | None = Field(default=None, description="standard deviation of one reading")
+    noise: StatedNoise | AnyDifference | None = Field(
+        default=None,
+        description="standard deviation of one reading, or its parts: {white: 0.1 K, slow: 0.3 K, over: 60 s}",
+    )
     range: tuple[AnyAmount, AnyAmount] | None = Field(
         default=None, description="the physically possible range; a value outside means a broken sensor"
     )
@@ -97,6 +101,11 @@ class Channel(Part):
     def display(self) -> Unit:
         """The display unit, parsed."""
         return parse_unit(self.unit)
+
+    @property
+    def noise_level(self) -> float:
+        """SI, the stated standard deviation of one reading; 0 if none is stated."""
+        return self.noise.total if isinstance(self.noise, StatedNoise) else float(self.noise or 0.0)
 
     @property
     def interval_unit(self) -> str:

@@ -16,6 +16,7 @@ from rigctl.rig.modbus_checks import register_problems
 from rigctl.rig.opcua_checks import node_problems
 from rigctl.rig.problem import Problem
 from rigctl.rig.rig import Rig
+from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import parse_unit
 
 #: reserved names in expressions and tables
@@ -124,7 +125,7 @@ def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]
         )
         yield Problem((*keys, "unit"), error)
         return
-    yield from _amount((*keys, "noise"), channel.noise, channel.unit, difference=True)
+    yield from _noise(keys, channel)
     uncertainty = channel.calibration.uncertainty
     yield from _amount((*keys, "calibration", "uncertainty"), uncertainty, channel.unit, difference=True)
     for index, end in enumerate(channel.range or ()):
@@ -132,6 +133,18 @@ def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]
     if channel.range and channel.range[0] >= channel.range[1]:
         yield Problem((*keys, "range"), RigctlError("range: the lower end is not below the upper one"))
     yield from _converter(keys, channel)
+
+
+def _noise(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
+    """Its unit, and that it is more than nothing: a converter alone has a noise."""
+    noise = channel.noise
+    parts = {"white": noise.white, "slow": noise.slow} if isinstance(noise, StatedNoise) else {"": noise}
+    for part, amount in parts.items():
+        where = (*keys, "noise", part) if part else (*keys, "noise")
+        yield from _amount(where, amount, channel.unit, difference=True)
+        if amount is not None and amount < 0.0:
+            error = RigctlError("noise: a standard deviation is not negative", value=amount.text)
+            yield Problem(where, error)
 
 
 def _could_have(rig: Rig) -> Iterator[Problem]:

@@ -378,8 +378,8 @@ def _disturbances(rig: Rig, columns: Mapping[str, int]) -> list[Disturbance]:
     """One for each channel whose noise the rig file states."""
     disturbances = []
     for name, channel in rig.channels.items():
-        if channel.noise is not None and float(channel.noise) > 0.0:
-            expected = math.hypot(float(channel.noise), channel.resolution)
+        if channel.noise_level > 0.0:
+            expected = math.hypot(channel.noise_level, channel.resolution)
             disturbances.append(Disturbance(name, columns[name], _NOISE_FACTOR * expected))
     return disturbances
 

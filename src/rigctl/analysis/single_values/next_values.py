@@ -133,7 +133,7 @@ def _noise(before: ModelComparison, output: str, changes: Sequence[Floats]) -> f
     rig = before.fit.problem.measurements.rig
     units = {item.name: item.unit for item in before.fit.problem.model.family.outputs}
     if rig is not None:
-        known = {name: float(channel.noise) for name, channel in rig.channels.items() if channel.noise}
+        known = {name: channel.noise_level for name, channel in rig.channels.items() if channel.noise_level}
         if output in known:
             return known[output]
         alike = [value for name, value in known.items() if units.get(name) == units[output]]

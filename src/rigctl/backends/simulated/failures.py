@@ -81,4 +81,4 @@ def possible_range(channel: Channel) -> tuple[float, float]:
 def _span(channel: Channel) -> float:
     """Return the width of the possible range; if it is unlimited, a width derived from the noise."""
     low, high = possible_range(channel)
-    return high - low if math.isfinite(high - low) else _NOISES * (float(channel.noise or 0.0) or 1.0)
+    return high - low if math.isfinite(high - low) else _NOISES * (channel.noise_level or 1.0)

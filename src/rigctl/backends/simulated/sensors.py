@@ -36,7 +36,7 @@ class Sensor:
         self.channel = channel
         self.convert = _converter(channel) if quantised else _unchanged
         self.failure: Failure | None = None
-        self._noise = float(channel.noise or 0.0) if noise else 0.0
+        self._noise = channel.noise_level if noise else 0.0
 
     def sound(self, true: float, z: float) -> float:
         """Return the reading of the sensor without its failure, SI."""

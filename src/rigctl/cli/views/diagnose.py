@@ -28,6 +28,7 @@ _COLOURS = {
     Verdict.MISSING_EFFECT: "yellow",
     Verdict.AMBIGUOUS: "yellow",
     Verdict.OUTSIDE_LIBRARY: "red",
+    Verdict.UNDECIDED: "white",
 }
 #: findings and next steps of a table that are shown without `-v`
 _MOST_SAID = 2

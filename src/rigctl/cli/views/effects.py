@@ -182,7 +182,7 @@ def _changes(signature: Signature, index: int) -> bool:
 
 
 def _in_noise(signature: Signature, index: int, rig: Rig | None) -> str:
-    noise = rig.channels[signature.output_names[index]].noise if rig is not None else None
+    noise = rig.channels[signature.output_names[index]].noise_level if rig is not None else 0.0
     if not noise:
         return ""
     return f", {significant(np.abs(signature.difference[:, index]).max() / noise, 2)} times the noise"

@@ -16,6 +16,8 @@ from rigctl.engine.least_squares.unknown import Unknown
 from rigctl.errors import RigctlError
 
 _SAME = 1e-6
+#: ratio of two positive bounds beyond which a parameter is a scale
+_DECADES = 100.0
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,9 @@ def multi_start(
 ) -> MultiStartResult:
     """Fit from the given start and from `count` - 1 others, spread as a Latin hypercube.
 
-    A shared parameter with two finite bounds starts anywhere between them, any other within its typical size
-    of its given start; the record-level parameters keep their starts.
+    A shared parameter with two finite bounds starts anywhere between them, on a logarithmic scale if they are
+    positive and far apart; any other within its typical size of its given start. The record-level parameters
+    keep their starts.
 
     Raises
     ------
@@ -88,7 +91,10 @@ def _spread(unknowns: Sequence[Unknown], count: int, seed: int) -> list[list[flo
     for column in range(len(unknowns)):
         shares[:, column] = (random.permutation(layers) + random.uniform(size=layers)) / max(1, layers)
     low, high = np.array([_range(unknown) for unknown in unknowns]).reshape(-1, 2).T
-    return [first, *(low + shares * (high - low)).tolist()][: max(count, 0)]
+    spread = low + shares * (high - low)
+    scales = (low > 0.0) & (high > _DECADES * low)
+    spread[:, scales] = low[scales] * (high[scales] / low[scales]) ** shares[:, scales]
+    return [first, *spread.tolist()][: max(count, 0)]
 
 
 def _range(unknown: Unknown) -> tuple[float, float]:

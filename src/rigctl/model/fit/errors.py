@@ -57,7 +57,10 @@ def channel_errors(
             squares.append(white[index][problem.whiteners[index].rows[:, 1] == column] ** 2)
         error, values, square, sigma = (np.concatenate(part) for part in (pieces, readings, squares, sigmas))
         if error.size:
-            errors[name] = _error(error, values, square, sigma, float(problem.noise.sigma[column]))
+            channel = problem.noise.channels[column]
+            # where only the floor is known, the scale of the fit is what the model leaves, and no noise
+            sigma = sigma * (channel.level / channel.sigma)
+            errors[name] = _error(error, values, square, sigma, channel.level)
     return errors
 
 

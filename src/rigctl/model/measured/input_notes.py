@@ -69,7 +69,7 @@ def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord
             for number, record in enumerate(measured)
         ]
         channel = rig.channels.get(name) if rig is not None else None
-        known = {name: float(channel.noise)} if channel is not None and channel.noise else {}
+        known = {name: channel.noise_level} if channel is not None and channel.noise_level else {}
         noise = estimate_noise(readings, (name,), known=known).channels[0]
         if not noise.guessed or known:
             sigmas[name] = noise.sigma

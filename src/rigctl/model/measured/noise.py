@@ -28,6 +28,7 @@ from rigctl.noise import (
     spikes_of,
     width_off_model,
 )
+from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import show
 
 #: an input that changes by more than this share of its range has been switched; one that is recorded sample
@@ -92,7 +93,17 @@ def noise_of(measurements: Measurements) -> DataNoise:
 def _noise_of(measurements: Measurements) -> DataNoise:
     if measurements.table:
         return _of_rows(measurements)
-    records = [
+    records = noise_records(measurements)
+    spikes = spikes_of(records)
+    ok = tuple(record.here & ~mask for record, mask in zip(measurements.records, spikes, strict=True))
+    noise = estimate_noise(records, measurements.outputs, known=_known(measurements), spikes=spikes)
+    masked = np.array([mask.sum(axis=0) for mask in spikes], dtype=np.intp)
+    return without_edges(DataNoise(noise, ok, masked), measurements)
+
+
+def noise_records(measurements: Measurements) -> list[NoiseRecord]:
+    """The readings of every record as the noise is estimated from them."""
+    return [
         NoiseRecord(
             record.times,
             np.where(record.here, record.values, np.nan),
@@ -101,11 +112,6 @@ def _noise_of(measurements: Measurements) -> DataNoise:
         )
         for record in measurements.records
     ]
-    spikes = spikes_of(records)
-    ok = tuple(record.here & ~mask for record, mask in zip(measurements.records, spikes, strict=True))
-    noise = estimate_noise(records, measurements.outputs, known=_known(measurements), spikes=spikes)
-    masked = np.array([mask.sum(axis=0) for mask in spikes], dtype=np.intp)
-    return without_edges(DataNoise(noise, ok, masked), measurements)
 
 
 def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
@@ -322,12 +328,24 @@ def _sums(counts: NDArray[np.intp]) -> list[int]:
     return [int(count) for count in counts.sum(axis=0)]
 
 
-def _known(measurements: Measurements) -> dict[str, float]:
+def stated_noise(measurements: Measurements) -> dict[str, StatedNoise | float]:
+    """What the rig file states of the outputs' noise: its parts, or the standard deviation of a reading, SI."""
     rig = measurements.rig
     if rig is None:
         return {}
     channels = {name: rig.channels[name] for name in measurements.outputs if name in rig.channels}
-    return {name: float(channel.noise) for name, channel in channels.items() if channel.noise}
+    return {
+        name: channel.noise if isinstance(channel.noise, StatedNoise) else channel.noise_level
+        for name, channel in channels.items()
+        if channel.noise_level
+    }
+
+
+def _known(measurements: Measurements) -> dict[str, float]:
+    return {
+        name: one.total if isinstance(one, StatedNoise) else one
+        for name, one in stated_noise(measurements).items()
+    }
 
 
 def _of_rows(measurements: Measurements) -> DataNoise:

@@ -1,0 +1,78 @@
+"""Slow noise or a missing effect: what these data cannot tell, and what would decide it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rigctl.model.fit.fit import FitResult
+from rigctl.noise import ChannelNoise, correlation_time, even_pieces
+from rigctl.units import show
+
+#: a rest shows a slow noise if it lasts this many times as long as the errors stay alike, ...
+_TIMES = 10.0
+#: ... and at least this many samples: several windows of the noise estimate
+_SAMPLES = 160
+
+
+def undecided_text(fit: FitResult, name: str, channels: Sequence[str]) -> str:
+    """Why the errors of some channels do not tell whether a model agrees, in one sentence."""
+    parts = [
+        _channel_text(fit, channel) for channel in fit.problem.noise.channels if channel.name in channels
+    ]
+    return (
+        f"Not decided for {name}: {'; '.join(parts)}. It is slow noise or a missing effect, and these data "
+        "cannot tell which"
+    )
+
+
+def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
+    """What would tell slow noise from a missing effect, the cheapest first; one sentence each."""
+    if not channels:
+        return ()
+    spacing = fit.problem.noise.spacing
+    longest = max(_alike(fit, name) for name in channels)
+    rest = max(_TIMES * longest, _SAMPLES) * spacing
+    stated = ", ".join(channels)
+    return (
+        f"record {show(_rounded(rest), 's')} with every input constant, after the bench has come to rest, at "
+        "the same sampling rate: it shows the slow part of the noise",
+        "repeat one record with the same commands: what differs between the two is noise",
+        f"state the noise of {stated} in the rig file, if you know it: "
+        "'noise: {white: …, slow: …, over: …}'",
+    )
+
+
+def _channel_text(fit: FitResult, channel: ChannelNoise) -> str:
+    problem = fit.problem
+    error = fit.errors[channel.name]
+    unit = dict(zip(problem.measurements.outputs, problem.measurements.units, strict=True))[channel.name]
+    left = f"of {channel.name} an error of {show(error.rmse, unit, difference=True, digits=2)} is left"
+    if not channel.floor:
+        return f"{left}, and too few readings show its noise"
+    floor = show(channel.floor, unit, difference=True, digits=2)
+    bound = "" if channel.plateau else "at most "
+    times = error.rmse / channel.floor
+    if times > 1.2:
+        return f"{left}, {times:.2g} times its white noise of {bound}{floor}"
+    return f"{left}, as large as its white noise of {bound}{floor}, but not white"
+
+
+def _alike(fit: FitResult, name: str) -> float:
+    """Correlation time of a channel's errors, in samples."""
+    problem = fit.problem
+    column = problem.measurements.outputs.index(name)
+    pieces = [
+        piece
+        for k in fit.fitted
+        for piece in even_pieces(
+            problem.records[k].times, fit.normalised_error(k)[:, column], problem.noise.spacing
+        )
+    ]
+    return correlation_time(pieces) if pieces else 1.0
+
+
+def _rounded(seconds: float) -> float:
+    """A duration rounded up to one significant digit: no measurement is planned to the second."""
+    scale = 10.0 ** math.floor(math.log10(seconds))
+    return math.ceil(seconds / scale) * scale

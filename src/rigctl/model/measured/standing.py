@@ -1,0 +1,393 @@
+"""What is known of each channel's noise once a model has been fitted: decided here and nowhere else.
+
+A bench that never rests shows only a part of its noise, and three facts have different standings:
+
+1. The white *floor* is always measurable, as long as there are some dozens of readings (`rigctl.noise.floor`).
+   It is a lower bound of the noise.
+2. A slow part (drift, 1/f, correlation) counts only where something independent of the model's error shows it:
+   stretches in which nothing moves, replicates, or a statement in the rig file. Windows in which the bench
+   moves do not: the motion that a trend leaves in them looks like slow noise, and a noise that holds the signal
+   agrees with any model.
+3. Any model with few parameters that leaves an error is an upper bound: an assumed noise larger than what is
+   left is refuted.
+
+The order is therefore: what rest or replicates show; what the user states; the floor alone. Where only the
+floor is known, what a model leaves is its own scale (`with_what_is_left`): differences between models are then
+judged in units of what the better one leaves, with as many independent readings as that has correlation
+times. It needs no noise level, and claims none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.model.measured.noise import DataNoise, noise_records, stated_noise
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.noise import (
+    ChannelNoise,
+    NoiseRecord,
+    channel_statement,
+    correlation_time,
+    even_pieces,
+    model_statement,
+    portmanteau,
+)
+from rigctl.noise.channel_noise import ChannelData, learn_noise
+from rigctl.noise.pooling import Pooled, pool
+from rigctl.noise.windows import TREND_ORDER, contrasts, cut_windows, window_pieces
+from rigctl.rig.stated_noise import StatedNoise
+
+Floats = NDArray[np.float64]
+
+#: ratio of the noise of quiet windows to the floor beyond which it may be the signal
+_DOUBTFUL = 3.0
+#: a noise counts as shown if the independent estimate is at least this share of it
+_SHOWN = 0.8
+#: a model's prediction at rest departs from a trend by less than this share of the floor
+_STILL = 0.3
+#: an input at rest departs from a trend by less than this share of its range
+_STEADY = 0.05
+#: share of a channel's variance that a model must explain before its predictions say where the bench rests
+_FOLLOWS = 0.5
+#: a window in which a channel varies by less than this share of its overall deviation is at rest in any case
+_FLAT = 0.03
+#: a stated noise is contradicted by a floor larger by this factor, ...
+_ABOVE = 1.4
+#: ... and by a model whose error is less than this share of it
+_BELOW = 0.5
+#: a stated number that is larger than the floor by this factor includes slow noise
+_SLOW = 1.5
+#: degrees of freedom of a stated noise: it is good to a quarter
+_STATED_DEGREES = 8
+#: residuals count as white if the portmanteau test does not reject at this level
+WHITE = 0.01
+
+
+def with_standing(
+    noise: DataNoise, measurements: Measurements, outputs: Sequence[Floats]
+) -> DataNoise | None:
+    """The noise as far as it is known beside a model's predictions; None if nothing changes.
+
+    Parameters
+    ----------
+    outputs: (n, outputs) of each record, SI, predicted by the model.
+    """
+    if measurements.table:
+        return None
+    stated = stated_noise(measurements)
+    evidence = _Evidence(noise, measurements, outputs)
+    channels = [
+        evidence.standing(index, channel, stated.get(channel.name))
+        for index, channel in enumerate(noise.model.channels)
+    ]
+    return _with_channels(noise, channels)
+
+
+def without_doubtful_slow_noise(noise: DataNoise) -> DataNoise | None:
+    """The noise for a first fit: the floor, where windows show much more, which may be the signal; else None.
+
+    With the correlation of a slow signal a fit follows differences of neighbouring readings alone, and may
+    end anywhere.
+    """
+    channels = [
+        _floor_only(channel)
+        if channel.source == "quiet" and channel.floor and channel.sigma > _DOUBTFUL * channel.floor
+        else channel
+        for channel in noise.model.channels
+    ]
+    return _with_channels(noise, channels)
+
+
+def floor_alone(noise: DataNoise, names: Sequence[str], because: str) -> DataNoise | None:
+    """With the floor alone for these channels, whose assumed noise was refuted; None if nothing changes."""
+    channels = [
+        _floor_only(channel, because) if channel.name in names else channel
+        for channel in noise.model.channels
+    ]
+    return _with_channels(noise, channels)
+
+
+def with_what_is_left(
+    noise: DataNoise,
+    measurements: Measurements,
+    outputs: Sequence[Floats],
+    fitted: Sequence[int],
+    *,
+    independent: bool = False,
+) -> DataNoise | None:
+    """With what a model leaves as the scale of the channels of which only the floor is known.
+
+    ``sigma² = τ·mean(e²)``, τ the correlation time of the residuals e: n readings are then worth n/τ, and a
+    difference of χ² between two models is ``(Σe₁²/Σe₂² − 1)·n/τ`` in units of the better one. None if nothing
+    changes by more than a tenth of a per cent. With `independent` every reading counts, τ = 1.
+    """
+    channels = []
+    for index, channel in enumerate(noise.model.channels):
+        if channel.source != "floor":
+            channels.append(channel)
+            continue
+        pieces = residual_pieces(noise, measurements, outputs, index, fitted)
+        if not pieces:
+            channels.append(channel)
+            continue
+        rms = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
+        together = 1.0 if independent or portmanteau(pieces) > WHITE else correlation_time(pieces)
+        sigma = rms * math.sqrt(together) or channel.sigma
+        channels.append(replace(channel, sigma=sigma, together=together))
+    return _with_channels(noise, channels)
+
+
+def residual_pieces(
+    noise: DataNoise,
+    measurements: Measurements,
+    outputs: Sequence[Floats],
+    channel: int,
+    chosen: Sequence[int],
+) -> list[Floats]:
+    """A model's errors (SI) of one channel in evenly sampled pieces of the records `chosen`."""
+    return [
+        piece
+        for k in chosen
+        for piece in even_pieces(
+            measurements.records[k].times,
+            np.where(
+                noise.ok[k][:, channel],
+                outputs[k][:, channel] - measurements.records[k].values[:, channel],
+                np.nan,
+            ),
+            noise.model.spacing,
+        )
+    ]
+
+
+def _with_channels(noise: DataNoise, channels: Sequence[ChannelNoise]) -> DataNoise | None:
+    if all(_same(new, old) for new, old in zip(channels, noise.model.channels, strict=True)):
+        return None
+    model = replace(noise.model, channels=tuple(channels), statement=model_statement(channels))
+    grown = noise.grown if any(channel.law for channel in channels) else None
+    return replace(noise, model=model, grown=grown)
+
+
+def _same(new: ChannelNoise, old: ChannelNoise) -> bool:
+    if abs(new.sigma / old.sigma - 1.0) > 1e-3:
+        return False
+    return new is old or replace(new, sigma=old.sigma, together=old.together) == old
+
+
+def _floor_only(old: ChannelNoise, remark: str = "") -> ChannelNoise:
+    """The noise of which only the white floor is known; unchanged without one."""
+    if not old.floor:
+        return old
+    new = ChannelNoise(
+        old.name,
+        old.floor,
+        step=old.step,
+        source="floor",
+        guessed=False,
+        masked=old.masked,
+        edges=old.edges,
+        floor=old.floor,
+        plateau=old.plateau,
+        remark=remark,
+    )
+    return new.stated(channel_statement(new, None))
+
+
+class _Evidence:
+    """What shows the noise of each channel independently of a model's error.
+
+    Parameters
+    ----------
+    noise: as estimated without a model.
+    outputs: (n, outputs) of each record, predicted by the model.
+    """
+
+    def __init__(self, noise: DataNoise, measurements: Measurements, outputs: Sequence[Floats]) -> None:
+        self.noise, self.measurements, self.outputs = noise, measurements, outputs
+        self.records: list[NoiseRecord] = noise_records(measurements)
+        self.steady = _steady_windows(measurements)
+
+    def standing(self, index: int, channel: ChannelNoise, stated: StatedNoise | float | None) -> ChannelNoise:
+        """One channel's noise by the best of what is known of it."""
+        if channel.source in ("rig", "residuals") and channel.remark:
+            return channel
+        slow = isinstance(stated, StatedNoise) and stated.slow is not None
+        if not slow:  # windows cannot show what changes over longer times than theirs
+            shown = self._shown(index, channel)
+            if shown is not None:
+                return shown
+        if stated is not None:
+            return self._stated(index, channel, stated)
+        return channel if channel.source == "floor" else _floor_only(channel)
+
+    def _shown(self, index: int, channel: ChannelNoise) -> ChannelNoise | None:
+        """The noise that rest or replicates show; None if neither does."""
+        found = [one for one in (self._at_rest(index, channel), self._between(index, channel)) if one]
+        if not found or channel.source == "floor":
+            return None
+        if any(one.fit.sigma >= _SHOWN * channel.sigma for one in found):
+            return replace(channel, guessed=False)
+        best = max(found, key=lambda one: one.fit.degrees)
+        if not best.fit.sigma > 0.0:
+            return None
+        new = replace(
+            channel,
+            sigma=max(best.fit.sigma, channel.step / math.sqrt(12.0)),
+            correlation=best.fit.correlation,
+            white=best.fit.white,
+            degrees=best.fit.degrees,
+            source="replicates" if best.replicates > best.quiet else "quiet",
+            guessed=False,
+            law=None,
+        )
+        return new.stated(channel_statement(new, None))
+
+    def _at_rest(self, index: int, channel: ChannelNoise) -> Pooled | None:
+        """The noise of the windows in which nothing moves."""
+        masks = [self._rest(k, index, channel.floor) for k in range(len(self.records))]
+        if not any(mask[:, index].any() for mask in masks):
+            return None
+        data = ChannelData(self.records, masks, index, self.noise.model.spacing, channel.step)
+        return learn_noise(data)
+
+    def _between(self, index: int, channel: ChannelNoise) -> Pooled | None:
+        """The noise of the differences between replicates."""
+        spacing = self.noise.model.spacing
+        groups, cells = cut_windows(self.records, self.noise.ok, index, spacing)
+        return pool(contrasts(groups), [], len(cells))
+
+    def _rest(self, k: int, index: int, floor: float) -> NDArray[np.bool_]:
+        """(n, outputs) the readings of a record in windows in which nothing moves."""
+        record, predicted = self.measurements.records[k], self.outputs[k][:, index]
+        good = self.noise.ok[k]
+        values = np.where(good[:, index], record.values[:, index], np.nan)
+        follows, spread = self._follows(index)
+        mask = np.zeros(good.shape, bool)
+        for first, last in self.steady[k]:
+            window = values[first:last]
+            if not np.isfinite(window).any():
+                continue
+            flat = float(np.nanstd(window)) <= _FLAT * spread
+            still = follows and _off_trend(predicted[first:last]) <= _STILL * floor
+            if flat or still:
+                mask[first:last, index] = good[first:last, index]
+        return mask
+
+    def _follows(self, index: int) -> tuple[bool, float]:
+        """Whether the model explains a channel well enough to say where it rests; its standard deviation."""
+        good = [ok[:, index] for ok in self.noise.ok]
+        pairs = list(zip(self.measurements.records, self.outputs, good, strict=True))
+        values = np.concatenate([record.values[ok, index] for record, _, ok in pairs])
+        errors = np.concatenate([out[ok, index] - record.values[ok, index] for record, out, ok in pairs])
+        if not values.size:
+            return False, 0.0
+        spread = float(np.std(values))
+        return float(np.mean(errors**2)) <= (1.0 - _FOLLOWS) * spread**2, spread
+
+    def _stated(self, index: int, channel: ChannelNoise, stated: StatedNoise | float) -> ChannelNoise:
+        """The noise that the rig file states, unless the data contradict it."""
+        every = range(len(self.records))
+        pieces = residual_pieces(self.noise, self.measurements, self.outputs, index, every)
+        total = stated.total if isinstance(stated, StatedNoise) else stated
+        left = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2))) if pieces else math.inf
+        if left < _BELOW * total:
+            ratio = total / left if left else math.inf
+            said = f"the rig file states {ratio:.1f} times what the model leaves, which contradicts it"
+            return _floor_only(channel, said)
+        parts = _parts(stated, channel, pieces, self.noise.model.spacing)
+        white, slow, correlation = parts
+        remark = ""
+        if channel.plateau and channel.floor > _ABOVE * max(white, 1e-300):
+            times = channel.floor / white if white else math.inf
+            remark = (
+                f"the white noise measured is {times:.1f} times what the rig file states: it is used instead"
+            )
+            white = channel.floor
+        sigma = math.hypot(white, slow)
+        new = ChannelNoise(
+            channel.name,
+            sigma,
+            correlation if slow else 0.0,
+            channel.step,
+            "rig",
+            guessed=False,
+            masked=channel.masked,
+            edges=channel.edges,
+            white=(white / sigma) ** 2 if slow else 0.0,
+            degrees=_STATED_DEGREES,
+            floor=channel.floor,
+            plateau=channel.plateau,
+            remark=remark or "as stated",
+        )
+        return new.stated(channel_statement(new, None))
+
+
+def _parts(
+    stated: StatedNoise | float, channel: ChannelNoise, pieces: Sequence[Floats], spacing: float
+) -> tuple[float, float, float]:
+    """The white and the slow part (SI) of a stated noise, and the correlation of neighbours of the latter.
+
+    A single number far above the floor includes slow noise; how slow is then read from the residuals, as an
+    AR(1) process with their correlation time: ``ρ = (τ − 1)/(τ + 1)``.
+    """
+    least = max(channel.floor, channel.step / math.sqrt(12.0))
+    if isinstance(stated, StatedNoise):
+        white = float(stated.white) if stated.white is not None else least
+        return white, float(stated.slow or 0.0), math.exp(-spacing / stated.over) if stated.over else 0.0
+    if not channel.floor or stated <= _SLOW * channel.floor or not pieces:
+        return max(stated, channel.step / math.sqrt(12.0)), 0.0, 0.0
+    together = correlation_time(pieces)
+    slow = math.sqrt(stated**2 - channel.floor**2)
+    return channel.floor, slow, min(0.999, (together - 1.0) / (together + 1.0))
+
+
+def _steady_windows(measurements: Measurements) -> list[list[tuple[int, int]]]:
+    """Of each record, (first, one past the last) of the windows in which all inputs are at rest."""
+    spans = _course_spans(measurements)
+    windows = []
+    for record in measurements.records:
+        courses = [(record.input_course(index), spans[index]) for index in record.along]
+        windows.append(
+            [
+                (first, last)
+                for first, last in window_pieces(record.phase.astype(np.intp))
+                if all(_off_trend(course[first:last]) <= _STEADY * span for course, span in courses)
+                and _no_switch(record, first, last)
+            ]
+        )
+    return windows
+
+
+def _no_switch(record: MeasuredRecord, first: int, last: int) -> bool:
+    """Whether no command changes inside a window: a record without a switch is divided otherwise."""
+    begin, end = record.times[first], record.times[last - 1]
+    inside = (record.switch_times > begin) & (record.switch_times < end)
+    return not any(
+        not np.array_equal(record.inputs[k], record.inputs[k - 1]) for k in np.flatnonzero(inside) if k
+    )
+
+
+def _course_spans(measurements: Measurements) -> dict[int, float]:
+    """The range of each input that changes continuously, over all records."""
+    courses: dict[int, list[Floats]] = {}
+    for record in measurements.records:
+        for index in record.along:
+            courses.setdefault(index, []).append(record.input_course(index))
+    return {index: float(np.ptp(np.concatenate(each))) for index, each in courses.items()}
+
+
+def _off_trend(values: Floats) -> float:
+    """Root mean square of values about the polynomial that a window's trend is."""
+    good = np.isfinite(values)
+    if good.sum() <= TREND_ORDER + 1:
+        return 0.0
+    x = np.linspace(-1.0, 1.0, values.size)[good]
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(x, TREND_ORDER))[0]
+    away = values[good] - values[good].mean()
+    away = away - basis @ (basis.T @ away)
+    return float(np.sqrt(np.mean(away**2)))
