@@ -93,7 +93,7 @@ class Adequacy:
 
     @property
     def agrees(self) -> bool:
-        """True if no test rejects, and every channel's noise is known or its errors are white at the floor."""
+        """True if no test rejects, and no channel's errors may be slow noise or a missing effect."""
         return not self.rejected and not self.unproven
 
     @property
@@ -138,7 +138,7 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
 def _inputs_test(found: Sequence[Correlations]) -> Test:
     """Whether the errors of some channels follow the past of an input: the largest of all lags."""
     p_values = [one.follows for one in found]
-    least = min(1.0, len(p_values) * min(p_values, default=1.0))
+    least = min([1.0, *(len(p_values) * p for p in p_values)])
     return Test(-math.log10(max(least, 1e-300)), least)
 
 

@@ -24,8 +24,8 @@ QUANTILE: Final = round(NormalDist().inv_cdf(1.0 - ALPHA), 2)
 #: ratio of a channel's RMS error to its noise: below it in every channel, the noise was overestimated,
 #: whatever the fitted unknowns absorbed
 BELOW_NOISE: Final = 0.9
-#: share of the squared misfit that an effect must remove to be named where only the white floor of the noise is
-#: known
+#: share of the squared misfit that an effect must remove to be named where only the white floor of the noise
+#: is known
 COLLAPSE: Final = 0.3
 #: share of the variance of a moving channel (fit, R²) below which no model is adequate, whatever tests say
 LEAST_EXPLAINED: Final = 0.5

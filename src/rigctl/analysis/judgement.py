@@ -18,8 +18,8 @@ from rigctl.analysis.decision_levels import SLIGHT
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.identity import Levels, same_cause
 from rigctl.analysis.laws.answer import LawAnswer, Laws
-from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.own_scale import follows_inputs, proven_by_collapse
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, remainder
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.search import Search

@@ -1,8 +1,8 @@
 """What may be said where only the white floor of the noise is known: evidence that needs no noise level.
 
-An effect proves itself if the misfit collapses with it. The test is self-normalised: the gain over what is left,
-with as many independent readings as that has correlation times. Nothing else names an effect there; an error
-that follows past inputs shows that something is missing, and not what.
+An effect proves itself if the misfit collapses with it. The test is self-normalised: the gain over what is
+left, with as many independent readings as that has correlation times. Nothing else names an effect there; an
+error that follows past inputs shows that something is missing, and not what.
 """
 
 from __future__ import annotations

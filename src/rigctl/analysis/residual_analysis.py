@@ -63,7 +63,7 @@ class Correlations:
     @property
     def follows(self) -> float:
         """p-value of the hypothesis that the errors follow the past of no input."""
-        return min(1.0, len(self.inputs_p) * min(self.inputs_p.values(), default=1.0))
+        return min([1.0, *(len(self.inputs_p) * p for p in self.inputs_p.values())])
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""

@@ -210,7 +210,11 @@ def _aside(search: Search, best: RefittedSet, listed: Collection[str]) -> list[R
 
 
 def _known(search: Search, best: RefittedSet, listed: Collection[str]) -> list[Rival]:
-    """The best of the other effects that were refitted singly: distinguished, but worth reporting."""
+    """Of the other effects that were refitted singly, those that fit as well; else the best, worth reporting.
+
+    A refit counts, whatever the cosine: two lags in series differ at the fit of one of them, and either alone
+    explains the same.
+    """
     others = [
         trial
         for trial in search.trials.values()
@@ -218,19 +222,24 @@ def _known(search: Search, best: RefittedSet, listed: Collection[str]) -> list[R
     ]
     if not others:
         return []
-    trial = min(others, key=search.mbic)
+    rivals = [one for trial in others for one in [_known_rival(search, best, trial)] if one is not None]
+    close = [one for one in rivals if one.difference < LEAST_DIFFERENCE]
+    return close or [one for one in sorted(rivals, key=lambda one: one.difference)[:1] if one.separable]
+
+
+def _known_rival(search: Search, best: RefittedSet, trial: RefittedSet) -> Rival | None:
+    """A single effect in place of the best one, from its refit; None if it was found in another way."""
     lin = search.before.linearisation
     member, other = best.candidates[0], trial.candidates[0]
     if member not in lin.candidates or other not in lin.candidates:
-        return []
+        return None
     cos = cosine(search.before.projected, lin.candidates.index(member), lin.candidates.index(other))
     difference = search.mbic(trial) - search.mbic(best)
     distance = _by_refit(trial, best)
     differs = where_they_differ(search.none.fit, best.fit, trial.fit)
     share = (trial.chi2 - best.chi2) / max(search.explained(best, member), 1e-12)
     unusual = trial.unusual.get(other.name, "")
-    rival = Rival(member.name, other.name, trial, cos, distance, difference, differs, share, unusual)
-    return [rival] if rival.separable else []
+    return Rival(member.name, other.name, trial, cos, distance, difference, differs, share, unusual)
 
 
 def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:

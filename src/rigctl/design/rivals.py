@@ -149,7 +149,7 @@ def _left_open(diagnosis: Diagnosis) -> Question:
         return _between(diagnosis, "discrimination", {name for names in classes for name in names})
     if diagnosis.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS) and _leads(diagnosis):
         return _size_of_best(diagnosis)
-    if diagnosis.verdict is Verdict.ADEQUATE:
+    if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
         return _unseen(diagnosis)
     if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY and diagnosis.remainder is not None:
         raise NothingLeft(

@@ -41,7 +41,7 @@ class Gate:
 def gate_of(diagnosis: Diagnosis) -> Gate:
     """The gate of a diagnosed model."""
     before = diagnosis.before
-    if diagnosis.verdict is Verdict.ADEQUATE:
+    if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
         if before.adequacy.below_noise:
             return Gate(False, "undecided", f"No search was made: {before.statement}")
         return Gate(False, "adequate", f"There is nothing to discover: {diagnosis.statement}")

@@ -78,7 +78,7 @@ def name_changes(
         return _unnamed(judged, "", f"{chosen.label} could not be diagnosed: {str(problem).splitlines()[0]}")
     if diagnosis.verdict is Verdict.ADEQUATE:
         return _of_parameters(plan, judged, diagnosis)
-    if not diagnosis.effects or diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
+    if not diagnosis.effects or diagnosis.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.UNDECIDED):
         text = (
             "no effect of the library explains what the model lacks there; 'rigctl discover' looks for a "
             "formula"

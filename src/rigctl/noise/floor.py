@@ -1,8 +1,8 @@
-"""The white part of a channel's noise, from differences of rising order: measurable whatever the bench does.
+"""The white part of a channel's noise, from differences of rising order, whatever the bench does.
 
-A difference of order k removes every polynomial of degree k − 1. White noise keeps the same scaled variance at
-every order, while a signal that is smooth over a few samples falls from order to order. Where the scaled
-differences stop falling (a *plateau*), only white noise is left, and its level is measured although nothing is
+A difference of order k removes every polynomial of degree k − 1. White noise keeps the same scaled variance
+at every order, while a signal that is smooth over a few samples falls from order to order. Where the scaled
+differences stop falling (a *plateau*), only white noise is left: its level is measured although nothing is
 at rest. Where they still fall at the highest order, the last one is an upper bound.
 
 The floor is a lower bound of the whole noise: drift, 1/f and correlated noise are removed like a signal.

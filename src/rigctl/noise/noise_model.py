@@ -12,8 +12,8 @@ from rigctl.noise.variance import VarianceLaw, smooth_course
 
 #: sources of a channel's noise, best first
 Source = Literal["replicates", "quiet", "residuals", "rig", "differences", "floor", "assumed"]
-#: how much is known of a channel's noise: all of it from something independent of the model, all of it because
-#: the user says so, its white part alone, or nothing
+#: how much is known of a channel's noise: all of it from something independent of the model, all of it
+#: because the user says so, its white part alone, or nothing
 Standing = Literal["measured", "stated", "floor", "guess"]
 
 
@@ -49,8 +49,8 @@ class ChannelNoise:
         mean square over the readings.
     floor: SI, the white part, from differences of rising order (`rigctl.noise.floor`); 0 if not determined.
     plateau: the floor is measured; False if it is only an upper bound of the white part.
-    together: if only the floor is known (source ``floor``), the number of neighbouring residuals that count as
-        one: sigma² is then their mean square times this, see `rigctl.model.measured.standing`.
+    together: if only the floor is known (source ``floor``), the number of neighbouring residuals that count
+        as one: sigma² is then their mean square times this, see `rigctl.model.measured.standing`.
     remark: what contradicts a number that the rig file states, in words; "as stated" if nothing does.
     """
 

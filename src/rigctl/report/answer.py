@@ -17,7 +17,7 @@ from rigctl.report.numbers import plural
 from rigctl.report.systematic import ChannelFall, falls, left_of
 from rigctl.units import significant
 
-Tone = Literal["good", "warn", "bad"]
+Tone = Literal["good", "warn", "bad", "open"]
 
 #: format of `chance_text`
 _CHANCE = re.compile(r" \(p [<=] [0-9.e+-]+\)")
@@ -31,7 +31,8 @@ class Answer:
 
     Attributes
     ----------
-    tone: good if nothing is wrong, warn if something is missing or open, bad if the model fails.
+    tone: good if nothing is wrong, warn if something is missing, bad if the model fails, open if these data
+        cannot tell.
     title: the verdict in a few words.
     sentence: the verdict in a plain sentence, without a full stop.
     facts: headings and texts, the most important first.
@@ -45,17 +46,20 @@ class Answer:
 
 def comparison_answer(model: ModelComparison) -> Answer:
     """How well one model agrees, and where it fails most."""
-    facts = [("error", error_text(falls([model.fit], left_of(model))))]
-    if not model.adequate:
+    facts = [("fit", fit_text(model)), ("error", error_text(falls([model.fit], left_of(model))))]
+    verdict = model.adequacy.verdict
+    if verdict is False:
         facts += [("mostly at", _most(model)), ("lacks", _wanted(model))]
     facts.append(("held out", held_out_text([model.fit])))
-    below = model.adequacy.below_noise
-    return Answer(
-        "warn" if below else "good" if model.adequate else "bad",
-        "Cannot tell" if below else "Agrees" if model.adequate else "Does not agree",
-        model.statement,
-        nonempty(facts),
-    )
+    facts.append(("decided by", "; or ".join(model.decided_by)))
+    tones: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
+    titles = {True: "Agrees", False: "Does not agree", None: "Cannot tell"}
+    return Answer(tones[verdict], titles[verdict], model.statement, nonempty(facts))
+
+
+def fit_text(model: ModelComparison) -> str:
+    """Error, noise and fit (R²) of every channel; "" for a table, whose values are listed."""
+    return "" if model.rows else "; ".join(model.in_brief)
 
 
 def models_answer(models: Sequence[ModelComparison]) -> Answer:
@@ -66,6 +70,7 @@ def models_answer(models: Sequence[ModelComparison]) -> Answer:
     fits = [model.fit for model in models]
     facts = [("error", error_text(falls(fits, left_of(models[-1])))), ("held out", held_out_text(fits))]
     facts += [(head, text) for head, text in last.facts if head not in ("error", "held out")]
+    facts.sort(key=lambda fact: fact[0] != "fit")
     return Answer(last.tone, last.title, last.sentence, nonempty(facts))
 
 

@@ -12,7 +12,7 @@ from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
 from rigctl.analysis.remainder import share_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
-from rigctl.report.answer import Answer, Tone, error_text, nonempty
+from rigctl.report.answer import Answer, Tone, error_text, fit_text, nonempty
 from rigctl.report.everyday_units import everyday
 from rigctl.report.systematic import falls, left_of, left_of_diagnosis
 from rigctl.units import parse_unit, significant
@@ -22,6 +22,7 @@ _TONES: dict[Verdict, Tone] = {
     Verdict.MISSING_EFFECT: "warn",
     Verdict.AMBIGUOUS: "warn",
     Verdict.OUTSIDE_LIBRARY: "bad",
+    Verdict.UNDECIDED: "open",
 }
 #: effects whose size is stated
 _MOST_SIZES = 2
@@ -30,9 +31,13 @@ _MOST_SIZES = 2
 def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     """What is missing, its size, how certain that is, its effect on the error, and what is left."""
     if diagnosis.verdict is Verdict.ADEQUATE and not diagnosis.doubt:
-        facts = [("error", error_text(falls([diagnosis.before.fit], left_of(diagnosis.before))))]
+        facts = [
+            ("fit", fit_text(diagnosis.before)),
+            ("error", error_text(falls([diagnosis.before.fit], left_of(diagnosis.before)))),
+        ]
     else:
         facts = [
+            ("fit", fit_text(diagnosis.before)),
             (_size_head(diagnosis), _sizes(diagnosis)),
             ("certain", _certain(diagnosis)),
             ("how sure", _sureness(diagnosis)),
@@ -41,7 +46,8 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
         ]
     laws = [one.statement for one in diagnosis.laws if one.differs]
     facts.append(("its law", laws[0] if laws else ""))
-    tone: Tone = "warn" if diagnosis.doubt else _TONES[diagnosis.verdict]
+    facts.append(("decided by", "; or ".join(diagnosis.decided_by)))
+    tone: Tone = "open" if diagnosis.doubt else _TONES[diagnosis.verdict]
     return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts))
 
 
@@ -73,7 +79,7 @@ def _sentence(diagnosis: Diagnosis) -> str:
     """The verdict in a plain sentence; its statement if that is one."""
     if diagnosis.doubt:
         return f"{diagnosis.doubt}: these data cannot tell whether anything is missing"
-    if diagnosis.verdict is Verdict.ADEQUATE:
+    if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
         return diagnosis.statement
     if diagnosis.verdict is Verdict.MISSING_EFFECT:
         return ". ".join(one.effect.summary.rstrip(".") for one in diagnosis.best.candidates)

@@ -88,7 +88,7 @@ class Channel(Part):
     )
     noise: StatedNoise | AnyDifference | None = Field(
         default=None,
-        description="standard deviation of one reading, or its parts: {white: 0.1 K, slow: 0.3 K, over: 60 s}",
+        description="standard deviation of a reading, or its parts: {white: 0.1 K, slow: 0.3 K, over: 60 s}",
     )
     range: tuple[AnyAmount, AnyAmount] | None = Field(
         default=None, description="the physically possible range; a value outside means a broken sensor"

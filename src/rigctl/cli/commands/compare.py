@@ -205,6 +205,8 @@ def _lead_on(
     diagnosis = analysis("diagnose", runs, models[-1], choice)
     if comparison.models[-1].adequate and comparison.models[-1].rows:
         show_next(diagnosis, "shows what so few values can tell, and what to measure next")
+    elif comparison.models[-1].adequacy.undecided:
+        show_next(diagnosis, "looks for an effect that explains so much that no noise level is needed")
     elif comparison.models[-1].adequacy.below_noise:
         show_next(page, "writes a page; a record at rest or a repeated condition would show the noise")
     elif comparison.models[-1].adequate:

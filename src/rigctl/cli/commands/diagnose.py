@@ -247,7 +247,7 @@ def _lead_on(
     if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
         command = page_of("diagnose", runs, model, choice, *limit, *shown)
         show_next(command, "writes a page, with what to measure next")
-    elif diagnosis.doubt:
+    elif diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:
         command = page_of("compare", runs, model, choice)
         show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")
     elif diagnosis.verdict is Verdict.ADEQUATE:

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rigctl.cli.tables import console
 from rigctl.report.answer import Answer
 
-_COLOURS = {"good": "green", "warn": "yellow", "bad": "red"}
+_COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "bright_black"}
 _WIDTH = 11
 
 

@@ -25,6 +25,7 @@ _ASKS = {
     "score": "does any effect of the library stand out?",
     "plane": "does the error change with the operating point?",
     "chi2": "is the whole misfit more than noise?",
+    "inputs": "does the error follow the past of an input?",
 }
 _KINDS = {
     "channel": "channel",
@@ -137,6 +138,10 @@ def _show_evidence(comparison: Comparison) -> None:
     out.print(_channels(model))
     out.print(_tests(model))
     show_record_level(model)
+    for line in model.in_brief:
+        out.print(f"  {escape(line)}", soft_wrap=True)
+    for line in model.decided_by:
+        out.print(f"  decided by: {escape(line)}", soft_wrap=True)
     if not model.adequate:
         places = [place for place in model.where if place.by == "condition"] if model.rows else model.where
         out.print(_places(places))
@@ -145,8 +150,8 @@ def _show_evidence(comparison: Comparison) -> None:
 
 
 def show_statement(model: ModelComparison) -> None:
-    """Show a comparison's one-sentence result: green if it agrees, yellow if it cannot decide."""
-    colour = "yellow" if model.adequacy.below_noise else "green" if model.adequate else "red"
+    """Show a comparison's one-sentence result: green if it agrees, grey if these data cannot tell."""
+    colour = {True: "green", False: "red", None: "bright_black"}[model.adequacy.verdict]
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
 
 
@@ -240,9 +245,8 @@ def _side_by_side(models: Sequence[ModelComparison]) -> Table:
 
 
 def _adequate(model: ModelComparison) -> str:
-    if model.adequacy.below_noise:
-        return "[yellow]cannot tell[/]"
-    return "[green]yes[/]" if model.adequate else "[red]no[/]"
+    words = {True: "[green]yes[/]", False: "[red]no[/]", None: "[bright_black]cannot tell[/]"}
+    return words[model.adequacy.verdict]
 
 
 def _tests(model: ModelComparison) -> Table:

@@ -28,7 +28,7 @@ _COLOURS = {
     Verdict.MISSING_EFFECT: "yellow",
     Verdict.AMBIGUOUS: "yellow",
     Verdict.OUTSIDE_LIBRARY: "red",
-    Verdict.UNDECIDED: "white",
+    Verdict.UNDECIDED: "bright_black",
 }
 #: findings and next steps of a table that are shown without `-v`
 _MOST_SAID = 2
@@ -141,9 +141,13 @@ def _show_laws(laws: Sequence[LawAnswer]) -> None:
 
 
 def _show_verdict(diagnosis: Diagnosis) -> None:
-    colour = "yellow" if diagnosis.doubt else _COLOURS[diagnosis.verdict]
+    colour = "bright_black" if diagnosis.doubt else _COLOURS[diagnosis.verdict]
     title = f"[bold {colour}]{escape(_title(diagnosis))}[/]"
     console().print(f"{title}: {escape(diagnosis.statement)}.", soft_wrap=True)
+    for line in () if diagnosis.before.rows else diagnosis.before.in_brief:
+        console().print(f"  {escape(line)}", soft_wrap=True)
+    for line in diagnosis.decided_by:
+        console().print(f"  decided by: {escape(line)}", soft_wrap=True)
 
 
 def _ranking(diagnosis: Diagnosis) -> Table:

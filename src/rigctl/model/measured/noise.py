@@ -329,7 +329,7 @@ def _sums(counts: NDArray[np.intp]) -> list[int]:
 
 
 def stated_noise(measurements: Measurements) -> dict[str, StatedNoise | float]:
-    """What the rig file states of the outputs' noise: its parts, or the standard deviation of a reading, SI."""
+    """What the rig file states of the outputs' noise: its parts, or the deviation of one reading, SI."""
     rig = measurements.rig
     if rig is None:
         return {}

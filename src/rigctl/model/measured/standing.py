@@ -2,18 +2,18 @@
 
 A bench that never rests shows only a part of its noise, and three facts have different standings:
 
-1. The white *floor* is always measurable, as long as there are some dozens of readings (`rigctl.noise.floor`).
-   It is a lower bound of the noise.
-2. A slow part (drift, 1/f, correlation) counts only where something independent of the model's error shows it:
-   stretches in which nothing moves, replicates, or a statement in the rig file. Windows in which the bench
-   moves do not: the motion that a trend leaves in them looks like slow noise, and a noise that holds the signal
-   agrees with any model.
+1. The white *floor* is always measurable, as long as there are some dozens of readings
+   (`rigctl.noise.floor`). It is a lower bound of the noise.
+2. A slow part (drift, 1/f, correlation) counts only where something independent of the model's error shows
+   it: stretches in which nothing moves, replicates, or a statement in the rig file. Windows in which it
+   moves do not: the motion that a trend leaves in them looks like slow noise, and a noise that holds the
+   signal agrees with any model.
 3. Any model with few parameters that leaves an error is an upper bound: an assumed noise larger than what is
    left is refuted.
 
 The order is therefore: what rest or replicates show; what the user states; the floor alone. Where only the
-floor is known, what a model leaves is its own scale (`with_what_is_left`): differences between models are then
-judged in units of what the better one leaves, with as many independent readings as that has correlation
+floor is known, what a model leaves is its own scale (`with_what_is_left`): differences between models are
+then judged in units of what the better one leaves, with as many independent readings as that has correlation
 times. It needs no noise level, and claims none.
 """
 

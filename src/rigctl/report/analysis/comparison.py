@@ -168,6 +168,7 @@ def _record_quantity(one: RecordQuantity) -> dict[str, object]:
 
 _TESTS = {
     "score": "the library's best effect (score)",
+    "inputs": "correlation of the errors with past inputs",
     "plane": "residuals over the operating point (plane)",
     "chi2": "the whole misfit (χ²)",
 }
