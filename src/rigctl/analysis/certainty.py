@@ -16,6 +16,7 @@ from rigctl.analysis.decision_levels import LEAST_DIFFERENCE
 from rigctl.analysis.identity import Levels, certain_members, levels_of
 from rigctl.analysis.laws.answer import LawAnswer, Laws
 from rigctl.analysis.laws.simpler_law import simpler_does
+from rigctl.analysis.own_scale import doubts, not_a_sensor
 from rigctl.analysis.refit import RefittedSet, left_by_refit
 from rigctl.analysis.remainder import Remainder, remainder, share_text
 from rigctl.analysis.rivals import classes_of, find_rivals
@@ -104,7 +105,9 @@ def evidence_against(
     certain: Collection[str] = (),
 ) -> list[str]:
     """Why a set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
-    return against_identity(best, checks, remaining, search.reached(best), sizes=sizes, certain=certain)
+    reasons = against_identity(best, checks, remaining, search.reached(best), sizes=sizes, certain=certain)
+    reasons += doubts(search, best) if search.in_own_scale else []
+    return [*reasons, *(not_a_sensor(best) if search.tolerance else [])]
 
 
 def size_scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:

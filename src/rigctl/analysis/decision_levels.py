@@ -27,6 +27,12 @@ BELOW_NOISE: Final = 0.9
 #: share of the squared misfit that an effect must remove to be named where only the white floor of the noise
 #: is known
 COLLAPSE: Final = 0.3
+#: an effect that proves itself leaves more than slow noise if its error is more than this many times the
+#: white floor, and its square more than this share of what the model left without it
+MANY_FLOORS: Final = 3.0
+MOSTLY: Final = 0.1
+#: an error of a sensor larger than this many times the white noise of its readings is not the sensor's
+SENSOR_SIZE: Final = 1000.0
 #: share of the variance of a moving channel (fit, R²) below which no model is adequate, whatever tests say
 LEAST_EXPLAINED: Final = 0.5
 #: size, in sigmas, at which an effect is detected at `ALPHA` with probability 0.8 in a library of 12 effects

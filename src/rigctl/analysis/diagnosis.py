@@ -203,7 +203,7 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
     """The search and its best set; repeated if the refits show that the noise or the fit was wrong."""
 
     def begun(compared: ModelComparison) -> Search:
-        return Search(compared, compared.whole, most=most, on_progress=on_progress)
+        return Search(compared, compared.whole, most=most, on_progress=on_progress, given=before.adequacy)
 
     def ended(search: Search) -> RefittedSet:
         return search.none if agrees_within_tolerance(search) else search.best()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.comparison_result import Choice
 from rigctl.dataset.copies import without_copies
 from rigctl.dataset.run import Run
-from rigctl.engine.least_squares import Iteration, started
+from rigctl.engine.least_squares import Iteration, Refused, started
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
@@ -26,6 +26,8 @@ from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_mode
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.measured.standing import (
+    floor_alone,
+    white_noise,
     with_standing,
     with_what_is_left,
     without_doubtful_slow_noise,
@@ -34,6 +36,9 @@ from rigctl.model.model import Model
 
 #: share of a channel's variance below which a model has not locked on to it, and number of starts then tried
 _LOCKED, _STARTS = 0.3, 6
+#: correlation of neighbouring readings beyond which a weight may be wrong, and ratio of two errors of one
+#: model from which it was
+_CORRELATED, _WORSE = 0.3, 1.1
 
 #: called with a description of the current step
 OnProgress = Callable[[str], None]
@@ -200,7 +205,7 @@ def fit_problem(
                 result, first = again(result, noise), None
     if first is not None:  # the slow noise was real
         result = again(result, noise)
-    return result
+    return _no_worse_than_least_squares(result, noise, again) if refit else result
 
 
 def _spikes_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
@@ -218,6 +223,50 @@ def _noise_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
 
 def _left(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
     return with_what_is_left(noise, fitted.problem.measurements, fitted.outputs, fitted.fitted)
+
+
+def _no_worse_than_least_squares(
+    fitted: FitResult, noise: DataNoise, again: Callable[[FitResult, DataNoise], FitResult]
+) -> FitResult:
+    """The fit, or that by ordinary least squares if slow noise as a weight made it considerably worse.
+
+    Weighted by a correlated noise, a fit gives up a little of its error on its own data for smaller
+    uncertainties. If it gives up much, the noise was no noise, but error of the model. A linear problem tells
+    whether the repetition is worth while.
+    """
+    slow = [one.name for one in noise.model.channels if one.correlation > _CORRELATED and one.floor]
+    if not slow or fitted.solution is None:
+        return fitted
+    plain = white_noise(noise, slow)
+    problem = _in_noise(fitted.problem, plain, no_progress)
+    if _removable(problem, fitted) < 1.0 - 1.0 / _WORSE**2:
+        return fitted
+    other = again(fitted, plain)
+    worse = [name for name in slow if fitted.errors[name].rmse > _WORSE * other.errors[name].rmse]
+    if not worse:
+        return fitted
+    because = "weighted by the noise that windows showed, a fit leaves more than ordinary least squares"
+    floor = floor_alone(noise, worse, because)
+    if floor is None:
+        return fitted
+    result = again(other, floor)
+    left = _left(result, floor)
+    return result if left is None else again(result, left)
+
+
+def _removable(problem: Problem, fitted: FitResult) -> float:
+    """The share of the squared error that a linear step of the shared unknowns would remove."""
+    inner = problem.only(fitted.fitted)
+    blocks = inner.evaluate(fitted.values, [fitted.local[k] for k in fitted.fitted], True)
+    if isinstance(blocks, Refused) or not blocks or blocks[0].shared is None:
+        return 0.0
+    columns = np.vstack([block.shared for block in blocks if block.shared is not None])
+    residual = np.concatenate(
+        [block.residual[: block.shared.shape[0]] for block in blocks if block.shared is not None]
+    )
+    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
+    along = basis.T @ residual
+    return float(along @ along) / max(float(residual @ residual), 1e-300)
 
 
 def _locked_on(fitted: FitResult, on_progress: OnProgress) -> FitResult:

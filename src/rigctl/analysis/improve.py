@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rigctl.analysis.block_validation import leave_blocks_out
 from rigctl.analysis.candidates import Candidate, require_known
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
@@ -16,12 +17,14 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
 from rigctl.analysis.held_out import unseen
 from rigctl.analysis.held_out_group import HeldOutGroup
+from rigctl.analysis.own_scale import not_a_sensor
 from rigctl.analysis.ranking import found_parameters
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.refitted_sets import RefittedSets
 from rigctl.analysis.search import require_number_of_effects
 from rigctl.analysis.text import effect_text
 from rigctl.argument_types import checks_argument_types
+from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change, ModelError
 from rigctl.model.history.save import save_version
@@ -41,6 +44,8 @@ class ImprovementEnd(StrEnum):
     NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing: `Diagnosis.doubt`
     MAX_EFFECTS = "max_effects"  #: the requested number has been added
     NOT_SURE = "not_sure"  #: only certain effects were to be added, and none is
+    NOT_PREDICTED = "not_predicted"  #: the next effect does not improve data that it was not fitted to
+    IMPLAUSIBLE = "implausible"  #: the next effect would have a size that nothing of its kind has
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,7 @@ class Improvement:
     last: the diagnosis of the final model.
     ended: why nothing more was added.
     unseen: the final model on the records that were held out, and on those that were not selected.
+    reason: why the next effect was not added, if that is why the loop ended; else "".
     """
 
     model: Path
@@ -99,6 +105,7 @@ class Improvement:
     last: Diagnosis
     ended: ImprovementEnd
     unseen: tuple[HeldOutGroup, ...] = ()
+    reason: str = ""
 
     @property
     def first(self) -> Diagnosis:
@@ -121,10 +128,12 @@ class Improvement:
             ImprovementEnd.NOTHING_HELPS: "no further effect of the library lowers mBIC, and the model still "
             "does not agree with the measurements",
             ImprovementEnd.NOT_DECIDED: "these data cannot tell whether anything "
-            f"{'more ' if names else ''}is missing: {self.last.doubt}",
+            f"{'more ' if names else ''}is missing: {self.last.doubt or 'it may be slow noise'}",
             ImprovementEnd.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree "
             "with the measurements",
             ImprovementEnd.NOT_SURE: "no further effect is certain to be what is missing",
+            ImprovementEnd.NOT_PREDICTED: f"{self.reason}, so that it is not added",
+            ImprovementEnd.IMPLAUSIBLE: f"{self.reason}, so that it is not added",
         }[self.ended]
         return f"{added}: {why}"
 
@@ -135,6 +144,7 @@ class Improvement:
             "steps": [step.document() for step in self.steps],
             "ended": self.ended.value,
             "improvement": self.statement,
+            "reason": self.reason,
             "after": self.last.document() if self.steps else None,
             "unseen": [one.document() for one in self.unseen],
         }
@@ -221,7 +231,8 @@ def improve(
         if not this.plan:
             elsewhere = unseen(compared, current, on_progress=on_progress)
             ended = ImprovementEnd.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
-            return Improvement(Path(path), tuple(steps), diagnosis, ended, elsewhere)
+            ended, reason = this.refused or (ended, "")
+            return Improvement(Path(path), tuple(steps), diagnosis, ended, elsewhere, reason)
         for chosen in this.plan:
             report(f"Adding {' and '.join(chosen.effects)}")
             after = _compared(current, chosen.trial, excluded, report)
@@ -250,6 +261,7 @@ class _Round:
     unless: Callable[[Diagnosis], bool]
     unsure: bool = False
     plan: list[_Choice] = field(default_factory=list)
+    refused: tuple[ImprovementEnd, str] | None = None
 
     def shown(self, diagnosis: Diagnosis) -> bool:
         """Plan the additions; whether this is the first or the last diagnosis, whose laws are shown."""
@@ -257,7 +269,47 @@ class _Round:
         stopped = self.first and diagnosis.verdict is not Verdict.ADEQUATE and self.unless(diagnosis)
         self.unsure = unsure or stopped
         self.plan = [] if self.unsure else _plan(diagnosis, self.room)
+        for number, choice in enumerate(self.plan):
+            refused = refusal(diagnosis, choice.trial, choice.effects)
+            if refused is not None:
+                self.plan = self.plan[:number]
+                self.refused = refused if not number else None
+                break
         return self.first or not self.plan
+
+
+def refusal(
+    diagnosis: Diagnosis, trial: RefittedSet, effects: Sequence[str]
+) -> tuple[ImprovementEnd, str] | None:
+    """Why effects are not added although they lower mBIC; None if they may be.
+
+    A size that nothing of their kind has; or an error that does not fall on data outside the fit: on the
+    records that were held out, else where only the floor of the noise is known on blocks of time left out,
+    else on the conditions left out in turn.
+    """
+    names = " and ".join(effects)
+    absurd = not_a_sensor(trial)
+    if absurd:
+        return ImprovementEnd.IMPLAUSIBLE, absurd[0]
+    before = diagnosis.before.fit
+    if before.held_out:
+        worse = _held_out_squares(trial.fit) >= _held_out_squares(before)
+        where = f"the {len(before.held_out)} records held out"
+    elif any(channel.standing == "floor" for channel in before.problem.noise.channels):
+        blocks = leave_blocks_out(before, trial.fit)
+        worse, where = blocks is not None and not blocks.passed, "blocks of time left out of the fit"
+    else:
+        shown = [one for one in diagnosis.ranking if one.effect in effects]
+        worse = any(one.heldout_after > one.heldout_before for one in shown)
+        where = "conditions left out of the fit"
+    if not worse:
+        return None
+    return ImprovementEnd.NOT_PREDICTED, f"{names} does not improve the prediction of {where}"
+
+
+def _held_out_squares(fitted: FitResult) -> float:
+    """Sum over the channels: mean squared error on the held-out records, in units of the noise."""
+    return sum(error.nrmse**2 for error in fitted.heldout_errors.values())
 
 
 def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
@@ -268,7 +320,7 @@ def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
 
     First the one that gains most by itself, then the set; all at once if its members improve only together.
     """
-    if diagnosis.verdict is Verdict.ADEQUATE or diagnosis.doubt:
+    if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED) or diagnosis.doubt:
         return []
     sets = RefittedSets(diagnosis.before, diagnosis.before.whole)
     best, nothing = diagnosis.best, sets.mbic(sets.none)
@@ -321,7 +373,7 @@ def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], 
 
 
 def _why(diagnosis: Diagnosis, room: int) -> ImprovementEnd:
-    if diagnosis.doubt:
+    if diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:
         return ImprovementEnd.NOT_DECIDED
     if diagnosis.verdict is Verdict.ADEQUATE:
         return ImprovementEnd.ADEQUATE

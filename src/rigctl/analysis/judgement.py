@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from rigctl.analysis.block_validation import BlockValidation, leave_blocks_out
 from rigctl.analysis.certainty import (
     Answer,
     certain_levels,
@@ -18,7 +19,7 @@ from rigctl.analysis.decision_levels import SLIGHT
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.identity import Levels, same_cause
 from rigctl.analysis.laws.answer import LawAnswer, Laws
-from rigctl.analysis.own_scale import follows_inputs, proven_by_collapse
+from rigctl.analysis.own_scale import proven_by_collapse
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, remainder
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
@@ -38,6 +39,8 @@ class Judgement:
     answer: the set with its classes (none if nothing is named), cross-validations and remainder.
     every_law: the laws of its effects, estimated as they are asked for.
     scatters: of the sizes of its members between records.
+    blocks: where only the floor of the noise is known, how the set predicts blocks of time left out of its
+        fit; else None.
     """
 
     search: Search = field(repr=False)
@@ -46,6 +49,7 @@ class Judgement:
     answer: Answer = field(repr=False)
     every_law: Laws = field(repr=False)
     scatters: tuple[SizeScatter, ...]
+    blocks: BlockValidation | None = None
 
     @property
     def checks(self) -> Mapping[str, CrossValidation | None]:
@@ -71,7 +75,7 @@ class Judgement:
     @cached_property
     def of_set(self) -> Verdict:
         """The verdict on the set, whatever its laws are."""
-        return verdict_on(self.search, self.best, self.close, self.checks, self.remaining)
+        return verdict_on(self.search, self.best, self.close, self.checks, self.remaining, self.blocks)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -119,8 +123,15 @@ def judge_set(search: Search, best: RefittedSet) -> Judgement:
     best, rivals = _sure_members(search, best)
     checks = cross_validations(search, best)
     answer = Answer(search, best, classes_of(best, rivals), checks, remainder(search, best))
+    own = search.in_own_scale and proven_by_collapse(search, best)
     return Judgement(
-        search, best, tuple(rivals), answer, Laws(search, best), tuple(size_scatters(search, best))
+        search,
+        best,
+        tuple(rivals),
+        answer,
+        Laws(search, best),
+        tuple(size_scatters(search, best)),
+        leave_blocks_out(search.none.fit, best.fit) if own else None,
     )
 
 
@@ -160,12 +171,15 @@ def verdict_on(
     close: Sequence[Rival],
     checks: Mapping[str, CrossValidation | None],
     remaining: Remainder | None,
+    blocks: BlockValidation | None = None,
 ) -> Verdict:
     """The verdict on a set, from its rivals, its cross-validations and what it leaves."""
     if agrees_within_tolerance(search):
         return Verdict.UNDECIDED if search.before.adequacy.below_noise else Verdict.ADEQUATE
-    if search.in_own_scale and not proven_by_collapse(search, best):
-        return Verdict.OUTSIDE_LIBRARY if follows_inputs(search.before) else Verdict.UNDECIDED
+    unpredicted = blocks is not None and not blocks.passed
+    if search.in_own_scale and (unpredicted or not proven_by_collapse(search, best)):
+        rejected = search.given is not None and search.given.rejected
+        return Verdict.OUTSIDE_LIBRARY if rejected else Verdict.UNDECIDED
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
     if failed_checks(checks) and remaining is not None and len(best.candidates) > 1:

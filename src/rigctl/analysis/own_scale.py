@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.decision_levels import ALPHA, COLLAPSE
+from rigctl.analysis.decision_levels import ALPHA, COLLAPSE, MANY_FLOORS, MOSTLY, SENSOR_SIZE
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.model.fit.fit import FitResult
@@ -52,7 +51,38 @@ def times_the_floor(fit: FitResult) -> float:
     )
 
 
-def follows_inputs(before: ModelComparison) -> bool:
-    """Whether the errors of a model are correlated with the past of an input."""
-    test = before.adequacy.tests.get("inputs")
-    return test is not None and test.p_value < ALPHA
+def doubts(search: Search, best: RefittedSet) -> list[str]:
+    """Why a set that proves itself may still be only the nearest; empty if nothing speaks for that."""
+    reasons = []
+    before, after = squares(search.before.fit), squares(best.fit)
+    times = times_the_floor(best.fit)
+    if times > MANY_FLOORS and after > MOSTLY * before:
+        reasons.append(
+            f"it leaves {100.0 * math.sqrt(after / before):.0f} % of the error, {times:.2g} times the white "
+            "noise: something else may be missing, or its law has another shape"
+        )
+    return reasons
+
+
+def not_a_sensor(best: RefittedSet) -> list[str]:
+    """Sensor effects of a set that are too large to be a sensor's, one sentence each.
+
+    A sensor whose readings scatter by a thousandth of such an error was read without it before: what has this
+    memory, or depends on this reading, is somewhere else in the bench.
+    """
+    problem = best.fit.problem
+    floors = {one.name: one.floor for one in problem.noise.channels}
+    sentences = []
+    for candidate in best.candidates:
+        channel = next((name for name in floors if candidate.name.endswith(f"_of_{name}")), None)
+        floor = 0.0 if channel is None else floors[channel]
+        size = f"{candidate.name}.size"
+        if not floor or size not in candidate.columns:
+            continue
+        value = abs(best.value(size)[0] - candidate.parameter(size).at_null)
+        if value > SENSOR_SIZE * floor:
+            sentences.append(
+                f"{candidate.name} would be {value / floor:.0f} times the noise of a reading, as no sensor's "
+                "error is: something with such a memory, or dependence on the reading, is missing elsewhere"
+            )
+    return sentences

@@ -71,6 +71,8 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     if search.at(best).adequacy.agrees or search.with_discrepancies(best).adequacy.agrees:
         return None
     view = search.with_discrepancies(best)
+    if view.adequacy.undecided and excess < STATED:
+        return None  # slow noise, or something else: no test can tell, and nothing is claimed
     name, slot, absorbed = _next(search, best, excess)
     if absorbed < _MOST:
         evidence = slot_evidence(best.fit)

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rigctl.analysis.adequacy import Adequacy
 from rigctl.analysis.candidates import at_sizes
 from rigctl.analysis.decision_levels import (
     ALIKE,
@@ -37,6 +38,9 @@ _PAIRS = 2
 _SWAPS = 3
 #: number of sizes at which an effect is tried if its slope at the null is uninformative
 _SIZES = 2
+#: largest number of effects refitted from finite sizes where only the floor of the noise is known, and the
+#: share of the best one's gain that they must promise
+_TWINS, _TWIN = 5, 0.5
 #: largest number of effects in one set: three wrong effects together explain almost anything, and three right
 #: ones are found one after the other by the loop
 _TOGETHER = 2
@@ -62,11 +66,14 @@ class Search(RefittedSets):
     ----------
     most: largest number of effects in a set.
     aside: a set better than the best one, put aside because a parameter is outside its usual range.
+    given: the tests of the model as it was compared, before the scale of its errors was reduced to what a set
+        of effects leaves.
     """
 
     most: int = _TOGETHER
     on_progress: OnProgress = no_progress
     aside: RefittedSet | None = None
+    given: Adequacy | None = None
 
     def best(self) -> RefittedSet:
         """The set that explains the misfit best: singles, pairs, backward steps, and replacements."""
@@ -180,7 +187,10 @@ class Search(RefittedSets):
             return
         # for so large an effect the linear problem is inaccurate: it only orders the candidates
         promising = sorted((score for score in scores if score.gain > WORTH), key=lambda one: -one.gain)
-        for name in [score.effect for score in promising][:_PAIRS]:
+        most = _PAIRS
+        if self.in_own_scale and promising:  # an effect and its twin at another location promise the same
+            most = sum(score.gain >= _TWIN * promising[0].gain for score in promising[:_TWINS])
+        for name in [score.effect for score in promising][: max(most, _PAIRS)]:
             self.on_progress(f"Refitting with {name}")
             for one in (one for one in sized if one.name == name):
                 self.refitted_also_from((one,), self.none)

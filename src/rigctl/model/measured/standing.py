@@ -103,6 +103,15 @@ def without_doubtful_slow_noise(noise: DataNoise) -> DataNoise | None:
     return _with_channels(noise, channels)
 
 
+def white_noise(noise: DataNoise, names: Sequence[str]) -> DataNoise:
+    """These channels with the same standard deviation, and no correlation: the weights of least squares."""
+    channels = [
+        replace(channel, correlation=0.0, white=0.0) if channel.name in names else channel
+        for channel in noise.model.channels
+    ]
+    return _with_channels(noise, channels) or noise
+
+
 def floor_alone(noise: DataNoise, names: Sequence[str], because: str) -> DataNoise | None:
     """With the floor alone for these channels, whose assumed noise was refuted; None if nothing changes."""
     channels = [
