@@ -70,6 +70,9 @@ def decode(kind: type[T], tree: Any, arrays: Iterator[np.ndarray]) -> T:
 
 def _decode(kind: Any, tree: Any, arrays: Iterator[np.ndarray]) -> Any:
     origin, inside = get_origin(kind), get_args(kind)
+    alias = getattr(origin, "__value__", None)  # numpy 2.5 declares NDArray by a 'type' statement
+    if alias is not None:
+        origin = get_origin(alias) or alias
     if origin in (Union, types.UnionType):
         if tree is None and type(None) in inside:
             return None
