@@ -71,6 +71,9 @@ class Adequacy:
         differs from the one learned (slower, or smaller here), and the tests, which rest on it, are invalid.
     unproven: channels whose errors may be slow noise or a missing effect: only the white floor of their noise
         is known, or not even that, and the errors are not white at that floor.
+    stated: channels whose errors are not white at the floor either, but within the noise that the rig file
+        states.
+    unusable: channels of which the rig file states a noise that is far from the data: nothing can be decided.
     agrees: no test rejects, and no channel is unproven.
     adequate: the model agrees, or no test can be trusted; ends a search, but does not say what explains the
         data.
@@ -80,6 +83,8 @@ class Adequacy:
     tests: dict[str, Test]
     below_noise: bool = False
     unproven: tuple[str, ...] = ()
+    stated: tuple[str, ...] = ()
+    unusable: tuple[str, ...] = ()
 
     @property
     def p_value(self) -> float:
@@ -94,7 +99,7 @@ class Adequacy:
     @property
     def agrees(self) -> bool:
         """True if no test rejects, and no channel's errors may be slow noise or a missing effect."""
-        return not self.rejected and not self.unproven
+        return not self.rejected and not self.unproven and not self.unusable
 
     @property
     def adequate(self) -> bool:
@@ -104,7 +109,7 @@ class Adequacy:
     @property
     def undecided(self) -> bool:
         """True if neither agreement nor disagreement is shown."""
-        return bool(self.unproven) and not self.rejected
+        return bool(self.unusable) or (bool(self.unproven) and not self.rejected)
 
     @property
     def verdict(self) -> bool | None:
@@ -121,7 +126,7 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     tests = {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
     if fit.problem.measurements.table:
         return Adequacy(tests)
-    floors = [channel for channel in fit.problem.noise.channels if channel.standing == "floor"]
+    floors = [channel for channel in fit.problem.noise.channels if channel.own_scale]
     found = residual_correlations(fit) if floors else {}
     if floors:
         # what a model leaves is its own scale there: χ² has its expectation whatever is missing, and the
@@ -129,7 +134,13 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
         tests |= {"inputs": _inputs_test([found[one.name] for one in floors if one.name in found])}
         if len(floors) == len(fit.problem.noise.channels):
             del tests["chi2"]
-    result = Adequacy(tests, unproven=_unproven(fit, found))
+    open_ = _not_white(fit, found)
+    result = Adequacy(
+        tests,
+        unproven=tuple(one.name for one in open_ if not within_statement(fit, one)),
+        stated=tuple(one.name for one in open_ if within_statement(fit, one)),
+        unusable=tuple(one.name for one in fit.problem.noise.channels if one.unusable),
+    )
     if not result.rejected or floors:
         return result
     return replace(result, below_noise=error_below(fit, BELOW_NOISE))
@@ -142,16 +153,30 @@ def _inputs_test(found: Sequence[Correlations]) -> Test:
     return Test(-math.log10(max(least, 1e-300)), least)
 
 
-def _unproven(fit: FitResult, found: Mapping[str, Correlations]) -> tuple[str, ...]:
+def _not_white(fit: FitResult, found: Mapping[str, Correlations]) -> list[ChannelNoise]:
     """The channels of which neither the noise is known nor the errors are white at the floor."""
-    every = fit.problem.noise.channels
-    return tuple(
-        channel.name
-        for channel in every
+    return [
+        channel
+        for channel in fit.problem.noise.channels
         if channel.name in fit.errors
-        and channel.standing in ("floor", "guess")
-        and not (channel.standing == "floor" and white_at_floor(fit, channel, found.get(channel.name)))
-    )
+        and (channel.own_scale or channel.standing == "guess")
+        and not (channel.own_scale and white_at_floor(fit, channel, found.get(channel.name)))
+    ]
+
+
+def within_statement(fit: FitResult, channel: ChannelNoise) -> bool:
+    """Whether the errors of a channel are no larger, and no faster, than the noise that the rig file states.
+
+    Their mean square over n/τ independent readings scatters by ``√(2τ/n)`` of itself.
+    """
+    error = fit.errors[channel.name]
+    if not channel.allowed or (_moves(fit, channel) and not error.r2 > LEAST_EXPLAINED):
+        return False
+    scatter = math.sqrt(2.0 * channel.together / max(error.count, 1))
+    if (error.rmse / channel.allowed) ** 2 > 1.0 + QUANTILE * scatter:
+        return False
+    slow = channel.together * fit.problem.noise.spacing
+    return not channel.over or slow >= _FAST * channel.over
 
 
 def white_at_floor(fit: FitResult, channel: ChannelNoise, found: Correlations | None) -> bool:
@@ -307,6 +332,8 @@ def _autocovariance(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.fft.irfft(np.abs(padded) ** 2, 2 * values.size)[: values.size])
 
 
+#: errors that stay alike for less than this share of a stated time are another noise than the stated one
+_FAST = 0.1
 #: a floor is known to this share of it at best
 _FLOOR_KNOWN = 0.04
 #: heavy tails make a root mean square larger than a median of absolute values says, by at most this factor

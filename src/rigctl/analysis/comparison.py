@@ -144,7 +144,7 @@ def _without_refuted_noise(fitted: FitResult) -> FitResult | None:
     refuted = [
         channel.name
         for channel in noise.model.channels
-        if channel.source != "floor"
+        if not channel.own_scale
         and channel.name in fitted.errors
         and fitted.errors[channel.name].nrmse <= BELOW_NOISE
     ]
@@ -152,7 +152,9 @@ def _without_refuted_noise(fitted: FitResult) -> FitResult | None:
     if learned is None:
         return None
     again = fit_in_noise(fitted, learned)
-    left = with_what_is_left(learned, again.problem.measurements, again.outputs, again.fitted)
+    left = with_what_is_left(
+        learned, again.problem.measurements, again.outputs, again.fitted, unknowns=again.unknowns
+    )
     return again if left is None else fit_in_noise(again, left)
 
 

@@ -31,6 +31,8 @@ COLLAPSE: Final = 0.3
 #: white floor, and its square more than this share of what the model left without it
 MANY_FLOORS: Final = 3.0
 MOSTLY: Final = 0.1
+#: an error below this share of a stated noise refutes the statement
+REFUTED: Final = 0.5
 #: an error of a sensor larger than this many times the white noise of its readings is not the sensor's
 SENSOR_SIZE: Final = 1000.0
 #: share of the variance of a moving channel (fit, R²) below which no model is adequate, whatever tests say

@@ -29,7 +29,7 @@ from rigctl.analysis.text import (
     verdict_text,
     whether_at_all,
 )
-from rigctl.analysis.undecided import what_decides
+from rigctl.analysis.undecided import unproven_text, what_decides
 from rigctl.analysis.untestable import untestable
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
@@ -109,7 +109,9 @@ def diagnose_comparison(
     require_number_of_effects(most)
     search, found = _searched(before, most, on_progress or no_progress)
     judgement = judge_set(search, found)
-    before, best, verdict = search.before, judgement.best, judgement.verdict
+    best, verdict = judgement.best, judgement.verdict
+    # where nothing is named, the answer is that of the comparison, in the scale of its own errors
+    before = judgement.shown
     ranking = ranking_of(search, best, judgement.checks)
     remarks = table_remarks(before, best, judgement.rivals, verdict, ranking, search.alone)
     undecided = verdict is Verdict.OUTSIDE_LIBRARY or before.adequacy.below_noise
@@ -155,12 +157,15 @@ def diagnose_comparison(
 def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> Statement:
     """The verdict in words."""
     search, best = judgement.search, judgement.best
-    shape = _shape_alone(search) or _shape_mostly(search, best)
+    shape = "" if search.in_own_scale else _shape_alone(search) or _shape_mostly(search, best)
     if shape:
         return Statement(shape, shape)
+    if search.in_own_scale and judgement.verdict is Verdict.OUTSIDE_LIBRARY:
+        text = unproven_text(judgement.shown.fit, best.fit if best.candidates else None, best.effects)
+        return Statement(text, text)
     return verdict_text(
         judgement.verdict,
-        search.before,
+        judgement.shown,
         _members(best, ranking),
         judgement.rivals,
         judgement.remaining,
@@ -203,7 +208,7 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
     """The search and its best set; repeated if the refits show that the noise or the fit was wrong."""
 
     def begun(compared: ModelComparison) -> Search:
-        return Search(compared, compared.whole, most=most, on_progress=on_progress, given=before.adequacy)
+        return Search(compared, compared.whole, most=most, on_progress=on_progress, given=before)
 
     def ended(search: Search) -> RefittedSet:
         return search.none if agrees_within_tolerance(search) else search.best()

@@ -39,6 +39,8 @@ _LOCKED, _STARTS = 0.3, 6
 #: correlation of neighbouring readings beyond which a weight may be wrong, and ratio of two errors of one
 #: model from which it was
 _CORRELATED, _WORSE = 0.3, 1.1
+#: readings that differ from an input by less than this share of its range are a copy of it
+_EQUAL = 1e-6
 
 #: called with a description of the current step
 OnProgress = Callable[[str], None]
@@ -88,6 +90,7 @@ def read_runs(
     on_progress("Reading the records")
     _require_no_copies(runs)
     measurements = read_measurements(model, runs)
+    _require_own_readings(measurements)
     noise = noise_of(measurements)
     units = variable_units(measurements)
     choice = Choice(hold_out or "", only or "", assumed_when_opened(runs))
@@ -110,6 +113,25 @@ def _require_no_copies(runs: Sequence[Run]) -> None:
             expected="each measurement once",
             hint="Give one of the two",
         )
+
+
+def _require_own_readings(measurements: Measurements) -> None:
+    """Refuse a reading that is an input: a model would be compared with what it is given."""
+    for column, output in enumerate(measurements.outputs if not measurements.table else ()):
+        for index, name in enumerate(measurements.inputs):
+            pairs = [
+                (record.values[:, column], record.input_course(index)) for record in measurements.records
+            ]
+            readings, courses = (np.concatenate(each) for each in zip(*pairs, strict=True))
+            good = np.isfinite(readings)
+            span = float(np.ptp(courses[good])) if good.any() else 0.0
+            if span > 0.0 and float(np.max(np.abs(readings[good] - courses[good]))) < _EQUAL * span:
+                raise RigctlError(
+                    f"its readings are those of the input {name}",
+                    value=output,
+                    expected="a channel that was measured by itself",
+                    hint="Map another column to one of the two",
+                )
 
 
 def fit_to_data(
@@ -222,7 +244,9 @@ def _noise_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
 
 
 def _left(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
-    return with_what_is_left(noise, fitted.problem.measurements, fitted.outputs, fitted.fitted)
+    return with_what_is_left(
+        noise, fitted.problem.measurements, fitted.outputs, fitted.fitted, unknowns=fitted.unknowns
+    )
 
 
 def _no_worse_than_least_squares(

@@ -295,7 +295,7 @@ def refusal(
     if before.held_out:
         worse = _held_out_squares(trial.fit) >= _held_out_squares(before)
         where = f"the {len(before.held_out)} records held out"
-    elif any(channel.standing == "floor" for channel in before.problem.noise.channels):
+    elif any(channel.own_scale for channel in before.problem.noise.channels):
         blocks = leave_blocks_out(before, trial.fit)
         worse, where = blocks is not None and not blocks.passed, "blocks of time left out of the fit"
     else:

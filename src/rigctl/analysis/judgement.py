@@ -14,6 +14,7 @@ from rigctl.analysis.certainty import (
     evidence_against,
     size_scatters,
 )
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.decision_levels import SLIGHT
 from rigctl.analysis.diagnosis_result import Verdict
@@ -85,6 +86,15 @@ class Judgement:
         return self.of_set
 
     @property
+    def shown(self) -> ModelComparison:
+        """The model as the answer describes it: where nothing is named in the scale of what a set leaves, as
+        it was compared, in the scale of its own errors."""
+        given = self.search.given
+        if given is None or self.named or not self.search.in_own_scale:
+            return self.search.before
+        return given
+
+    @property
     def named(self) -> bool:
         """Whether the verdict names effects."""
         return self.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
@@ -137,6 +147,8 @@ def judge_set(search: Search, best: RefittedSet) -> Judgement:
 
 def agrees_within_tolerance(search: Search) -> bool:
     """Whether the model agrees with the data, within the shape tolerance of its effects' laws."""
+    if search.in_own_scale and search.before.adequacy.stated and not search.before.adequacy.unusable:
+        return False  # an effect that proves itself refutes what is stated
     return search.before.adequate or search.start.adequacy.adequate
 
 
@@ -174,12 +186,9 @@ def verdict_on(
     blocks: BlockValidation | None = None,
 ) -> Verdict:
     """The verdict on a set, from its rivals, its cross-validations and what it leaves."""
-    if agrees_within_tolerance(search):
-        return Verdict.UNDECIDED if search.before.adequacy.below_noise else Verdict.ADEQUATE
-    unpredicted = blocks is not None and not blocks.passed
-    if search.in_own_scale and (unpredicted or not proven_by_collapse(search, best)):
-        rejected = search.given is not None and search.given.rejected
-        return Verdict.OUTSIDE_LIBRARY if rejected else Verdict.UNDECIDED
+    unnamed = _nothing_to_name(search, best, blocks)
+    if unnamed is not None:
+        return unnamed
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
     if failed_checks(checks) and remaining is not None and len(best.candidates) > 1:
@@ -189,3 +198,23 @@ def verdict_on(
     if close or evidence_against(search, best, checks, remaining):
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
+
+
+def _nothing_to_name(search: Search, best: RefittedSet, blocks: BlockValidation | None) -> Verdict | None:
+    """The verdict where no effect may be named; None where one may be.
+
+    Where only the floor of a noise is known, an effect is named only if it proves itself and predicts blocks
+    of time left out of its fit. Otherwise the model's own tests decide, as in a comparison: they need no
+    noise level either.
+    """
+    before = search.before.adequacy
+    if before.unusable:
+        return Verdict.UNDECIDED
+    if agrees_within_tolerance(search):
+        return Verdict.UNDECIDED if before.below_noise else Verdict.ADEQUATE
+    if not search.in_own_scale or (proven_by_collapse(search, best) and (blocks is None or blocks.passed)):
+        return None
+    given = before if search.given is None else search.given.adequacy
+    if given.agrees:  # within the noise that is stated
+        return Verdict.ADEQUATE
+    return Verdict.OUTSIDE_LIBRARY if given.rejected else Verdict.UNDECIDED

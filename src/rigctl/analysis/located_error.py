@@ -18,7 +18,7 @@ from rigctl.analysis.single_values.rows import TableRow, table_rows
 from rigctl.analysis.single_values.statements import table_findings, table_statement
 from rigctl.analysis.slot_evidence import SlotEvidence, slot_evidence
 from rigctl.analysis.trends import Trend, sentence, trends
-from rigctl.analysis.undecided import undecided_text
+from rigctl.analysis.undecided import undecided_text, unusable_text
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.curve_bands import CurveBand, curve_bands
 from rigctl.model.fit.fit import FitResult
@@ -101,6 +101,8 @@ class LocatedError:
                 f"in the residuals ({chance}), but the noise of these readings differs from its estimate, so "
                 "that they cannot decide"
             )
+        if self.adequacy.unusable:
+            return unusable_text(self.fit, name)
         if self.adequacy.undecided:
             return undecided_text(self.fit, name, self.adequacy.unproven)
         if self.adequacy.adequate:
@@ -117,5 +119,11 @@ class LocatedError:
         text = (
             f"{self.name} agrees with the measurements within their noise (p = {self.adequacy.p_value:.2g})"
         )
+        if self.adequacy.stated:
+            channels = ", ".join(self.adequacy.stated)
+            text = (
+                f"{self.name} agrees with the measurements within the noise of {channels} that the rig file "
+                "states"
+            )
         suspicious = next((one.statement for one in self.record_level if one.statement), "")
         return f"{text}, but {suspicious}" if suspicious else f"{text}: these data show nothing that it lacks"

@@ -9,7 +9,14 @@ from __future__ import annotations
 
 import math
 
-from rigctl.analysis.decision_levels import ALPHA, COLLAPSE, MANY_FLOORS, MOSTLY, SENSOR_SIZE
+from rigctl.analysis.decision_levels import (
+    ALPHA,
+    COLLAPSE,
+    MANY_FLOORS,
+    MOSTLY,
+    REFUTED,
+    SENSOR_SIZE,
+)
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.model.fit.fit import FitResult
@@ -27,7 +34,7 @@ def proven_by_collapse(search: Search, best: RefittedSet) -> bool:
     if not best.candidates:
         return False
     before, after = squares(search.before.fit), squares(best.fit)
-    if not before > 0.0 or after > (1.0 - COLLAPSE) * before:
+    if not before > 0.0 or after > (1.0 - COLLAPSE) * before or not _refutes_statement(search, best):
         return False
     freedom = max(search.samples - len(best.fit.problem.shared), 1.0)
     parameters = max(best.parameters, 1)
@@ -37,15 +44,22 @@ def proven_by_collapse(search: Search, best: RefittedSet) -> bool:
     return tried * chance < ALPHA
 
 
+def _refutes_statement(search: Search, best: RefittedSet) -> bool:
+    """Whether a stated noise that covers what the model leaves is refuted by how little a set leaves."""
+    stated = set(search.before.adequacy.stated)
+    covered = [one for one in best.fit.problem.noise.channels if one.name in stated]
+    return not covered or any(best.fit.errors[one.name].rmse < REFUTED * one.allowed for one in covered)
+
+
 def squares(fit: FitResult) -> float:
     """Sum over the channels of which only the floor is known: mean squared error in units of the floor."""
-    floors = [one for one in fit.problem.noise.channels if one.standing == "floor" and one.floor]
+    floors = [one for one in fit.problem.noise.channels if one.own_scale and one.floor]
     return sum((fit.errors[one.name].rmse / one.floor) ** 2 for one in floors if one.name in fit.errors)
 
 
 def times_the_floor(fit: FitResult) -> float:
     """The error of the worst channel of which only the floor is known, in units of that; 0 without one."""
-    floors = [one for one in fit.problem.noise.channels if one.standing == "floor" and one.floor]
+    floors = [one for one in fit.problem.noise.channels if one.own_scale and one.floor]
     return max(
         (fit.errors[one.name].rmse / one.floor for one in floors if one.name in fit.errors), default=0.0
     )

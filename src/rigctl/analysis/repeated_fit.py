@@ -45,7 +45,12 @@ def in_scale_of(
     before = search.before
     noise, problem = noise_in(before.fit), before.fit.problem
     learned = with_what_is_left(
-        noise, problem.measurements, leader.fit.outputs, leader.fit.fitted, independent=independent
+        noise,
+        problem.measurements,
+        leader.fit.outputs,
+        leader.fit.fitted,
+        unknowns=leader.fit.unknowns,
+        independent=independent,
     )
     if learned is None or not (larger or _smaller(noise, learned)):
         return None

@@ -12,8 +12,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigctl.analysis.adequacy import Adequacy
 from rigctl.analysis.candidates import at_sizes
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import (
     ALIKE,
     FAR,
@@ -66,14 +66,14 @@ class Search(RefittedSets):
     ----------
     most: largest number of effects in a set.
     aside: a set better than the best one, put aside because a parameter is outside its usual range.
-    given: the tests of the model as it was compared, before the scale of its errors was reduced to what a set
-        of effects leaves.
+    given: the model as it was compared, before the scale of its errors was reduced to what a set of effects
+        leaves.
     """
 
     most: int = _TOGETHER
     on_progress: OnProgress = no_progress
     aside: RefittedSet | None = None
-    given: Adequacy | None = None
+    given: ModelComparison | None = None
 
     def best(self) -> RefittedSet:
         """The set that explains the misfit best: singles, pairs, backward steps, and replacements."""
@@ -92,7 +92,7 @@ class Search(RefittedSets):
     def in_own_scale(self) -> bool:
         """Whether only the floor of some noise is known: what a model leaves is then the scale of its
         errors."""
-        return any(channel.standing == "floor" for channel in self.before.fit.problem.noise.channels)
+        return any(channel.own_scale for channel in self.before.fit.problem.noise.channels)
 
     def nearest(self) -> RefittedSet:
         """The set with the least misfit, whatever it costs: single effects, also at finite sizes."""

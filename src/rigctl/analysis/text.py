@@ -131,6 +131,8 @@ def verdict_text(
 
 def _undecided(before: ModelComparison) -> str:
     """Slow noise or a missing effect, as the model itself leaves it."""
+    if before.adequacy.unusable:
+        return before.statement
     return undecided_text(before.fit, before.name, before.adequacy.unproven)
 
 

@@ -26,6 +26,41 @@ def undecided_text(fit: FitResult, name: str, channels: Sequence[str]) -> str:
     )
 
 
+def unproven_text(fit: FitResult, nearest: FitResult | None, effects: Sequence[str]) -> str:
+    """Something is missing, whatever the noise is, and no effect proves itself; the nearest one, if any."""
+    opening = (
+        "Something is missing, whatever the noise is: a test that needs no noise level rejects the model. No "
+        "effect of the library removes so much of the error, or predicts so well what it was not fitted to, "
+        "that it could be named"
+    )
+    if nearest is None:
+        return opening
+    falls = [_fall(fit, nearest, channel) for channel in fit.problem.noise.channels if channel.own_scale]
+    return f"{opening}. The nearest is {' and '.join(effects)}: with it {'; '.join(falls)}"
+
+
+def _fall(fit: FitResult, nearest: FitResult, channel: ChannelNoise) -> str:
+    unit = _unit(fit, channel)
+    before, after = (
+        show(one.errors[channel.name].rmse, unit, difference=True, digits=2) for one in (fit, nearest)
+    )
+    return f"the error of {channel.name} falls from {before} to {after}"
+
+
+def _unit(fit: FitResult, channel: ChannelNoise) -> str:
+    measurements = fit.problem.measurements
+    return dict(zip(measurements.outputs, measurements.units, strict=True))[channel.name]
+
+
+def unusable_text(fit: FitResult, name: str) -> str:
+    """Which stated noise is far from the data, so that no verdict rests on either."""
+    remarks = [f"of {one.name} {one.remark}" for one in fit.problem.noise.channels if one.unusable]
+    return (
+        f"Not decided for {name}: {'; '.join(remarks)}. Correct the number, or its unit, in the rig file, or "
+        "leave it out"
+    )
+
+
 def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
     """What would tell slow noise from a missing effect, the cheapest first; one sentence each."""
     if not channels:
@@ -44,9 +79,7 @@ def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
 
 
 def _channel_text(fit: FitResult, channel: ChannelNoise) -> str:
-    problem = fit.problem
-    error = fit.errors[channel.name]
-    unit = dict(zip(problem.measurements.outputs, problem.measurements.units, strict=True))[channel.name]
+    error, unit = fit.errors[channel.name], _unit(fit, channel)
     left = f"of {channel.name} an error of {show(error.rmse, unit, difference=True, digits=2)} is left"
     if not channel.floor:
         return f"{left}, and too few readings show its noise"

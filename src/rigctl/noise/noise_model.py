@@ -51,7 +51,12 @@ class ChannelNoise:
     plateau: the floor is measured; False if it is only an upper bound of the white part.
     together: if only the floor is known (source ``floor``), the number of neighbouring residuals that count
         as one: sigma² is then their mean square times this, see `rigctl.model.measured.standing`.
-    remark: what contradicts a number that the rig file states, in words; "as stated" if nothing does.
+    allowed: SI, if only the floor is measured, the standard deviation of one reading that the rig file
+        states: errors up to this are noise, whatever their colour; 0 if nothing is stated, or the data
+        contradict it.
+    over: s, the time over which the slow part of a stated noise changes; 0 if that is not stated.
+    remark: what contradicts a number that the rig file states, in words; "" if nothing does.
+    unusable: a stated number is so far from the data that no verdict can rest on either.
     """
 
     name: str
@@ -71,7 +76,10 @@ class ChannelNoise:
     floor: float = 0.0
     plateau: bool = False
     together: float = 1.0
+    allowed: float = 0.0
+    over: float = 0.0
     remark: str = ""
+    unusable: bool = False
 
     def __post_init__(self) -> None:
         if not (self.sigma > 0.0 and np.isfinite(self.sigma)):
@@ -85,10 +93,15 @@ class ChannelNoise:
     def standing(self) -> Standing:
         """What is known of this noise."""
         if self.source == "floor":
-            return "floor"
+            return "stated" if self.allowed else "floor"
         if self.source == "rig":
             return "stated"
         return "guess" if self.guessed else "measured"
+
+    @property
+    def own_scale(self) -> bool:
+        """Whether only the floor is measured: what a model leaves is then the scale of its errors."""
+        return self.source == "floor"
 
     @property
     def level(self) -> float:

@@ -30,6 +30,10 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
         parts.append("a guess: even the quietest stretches move as slowly as a signal does")
     if noise.step > 0.5 * noise.sigma:
         parts.append(f"converter steps of {noise.step / noise.sigma:.1f} sigma")
+    if noise.allowed:
+        parts.append("errors up to the noise that the rig file states count as noise")
+    if noise.remark:
+        parts.append(noise.remark)
     if noise.masked:
         parts.append(_spikes(noise.masked))
     if known is not None and not noise.guessed and not 1 / 3 < noise.sigma / known < 3:
@@ -55,6 +59,7 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
         why = " and ".join(dict.fromkeys(_FROM[channel.source] for channel in guessed))
         parts.append(f"only guessed for {which}, from {why}")
     parts += [f"that of {channel.name} {_growth(channel)}" for channel in channels if channel.law is not None]
+    parts += [f"of {channel.name} {channel.remark}" for channel in channels if channel.remark]
     masked = sum(channel.masked for channel in channels)
     if masked:
         parts.append(_spikes(masked))

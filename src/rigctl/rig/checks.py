@@ -142,8 +142,10 @@ def _noise(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
     for part, amount in parts.items():
         where = (*keys, "noise", part) if part else (*keys, "noise")
         yield from _amount(where, amount, channel.unit, difference=True)
-        if amount is not None and amount < 0.0:
-            error = RigctlError("noise: a standard deviation is not negative", value=amount.text)
+        if amount is not None and not amount > 0.0:
+            error = RigctlError(
+                "noise: no reading is without noise", value=amount.text, expected="more than 0, or no entry"
+            )
             yield Problem(where, error)
 
 

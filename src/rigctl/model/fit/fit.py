@@ -76,6 +76,13 @@ class FitResult:
         """The indices of the records that the fit did not see."""
         return tuple(index for index in range(len(self.problem.records)) if index not in self.fitted)
 
+    @property
+    def unknowns(self) -> int:
+        """How many unknowns were fitted to the records together, those of the records included."""
+        if self.solution is None:
+            return 0
+        return len(self.solution.unknowns) + sum(self.local[k].size for k in self.fitted)
+
     @cached_property
     def at_bound(self) -> frozenset[str]:
         """The shared unknowns that the fit left at a bound; none for a model that was not fitted."""

@@ -39,7 +39,7 @@ from rigctl.noise import (
 )
 from rigctl.noise.channel_noise import ChannelData, learn_noise
 from rigctl.noise.pooling import Pooled, pool
-from rigctl.noise.windows import TREND_ORDER, contrasts, cut_windows, window_pieces
+from rigctl.noise.windows import LENGTH, TREND_ORDER, contrasts, cut_windows, window_pieces
 from rigctl.rig.stated_noise import StatedNoise
 
 Floats = NDArray[np.float64]
@@ -60,10 +60,12 @@ _FLAT = 0.03
 _ABOVE = 1.4
 #: ... and by a model whose error is less than this share of it
 _BELOW = 0.5
-#: a stated number that is larger than the floor by this factor includes slow noise
-_SLOW = 1.5
+#: a statement off by more than this factor is a wrong unit
+_UNUSABLE = 10.0
 #: degrees of freedom of a stated noise: it is good to a quarter
 _STATED_DEGREES = 8
+#: largest share of the independent readings that counts as spent on unknowns
+_MOST_SPENT = 0.6
 #: residuals count as white if the portmanteau test does not reject at this level
 WHITE = 0.01
 
@@ -127,17 +129,23 @@ def with_what_is_left(
     outputs: Sequence[Floats],
     fitted: Sequence[int],
     *,
+    unknowns: int = 0,
     independent: bool = False,
 ) -> DataNoise | None:
     """With what a model leaves as the scale of the channels of which only the floor is known.
 
-    ``sigma² = τ·mean(e²)``, τ the correlation time of the residuals e: n readings are then worth n/τ, and a
-    difference of χ² between two models is ``(Σe₁²/Σe₂² − 1)·n/τ`` in units of the better one. None if nothing
-    changes by more than a tenth of a per cent. With `independent` every reading counts, τ = 1.
+    ``sigma² = τ·Σe²/(n − p·τ)``, τ the correlation time of the residuals e, p the number of unknowns that
+    were fitted: n readings are worth n/τ, of which p are spent. A difference of χ² between two models is then
+    ``(Σe₁²/Σe₂² − 1)·(n/τ − p)`` in units of the better one. None if nothing changes by more than a tenth of
+    a per cent. With `independent` every reading counts, τ = 1.
+
+    Parameters
+    ----------
+    unknowns: p.
     """
     channels = []
     for index, channel in enumerate(noise.model.channels):
-        if channel.source != "floor":
+        if not channel.own_scale:
             channels.append(channel)
             continue
         pieces = residual_pieces(noise, measurements, outputs, index, fitted)
@@ -146,7 +154,9 @@ def with_what_is_left(
             continue
         rms = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
         together = 1.0 if independent or portmanteau(pieces) > WHITE else correlation_time(pieces)
-        sigma = rms * math.sqrt(together) or channel.sigma
+        count = sum(piece.size for piece in pieces) / together
+        spent = 1.0 - min(unknowns / count, _MOST_SPENT)
+        sigma = rms * math.sqrt(together / spent) or channel.sigma
         channels.append(replace(channel, sigma=sigma, together=together))
     return _with_channels(noise, channels)
 
@@ -223,7 +233,7 @@ class _Evidence:
 
     def standing(self, index: int, channel: ChannelNoise, stated: StatedNoise | float | None) -> ChannelNoise:
         """One channel's noise by the best of what is known of it."""
-        if channel.source in ("rig", "residuals") and channel.remark:
+        if channel.allowed or channel.remark:  # already decided
             return channel
         slow = isinstance(stated, StatedNoise) and stated.slow is not None
         if not slow:  # windows cannot show what changes over longer times than theirs
@@ -232,7 +242,7 @@ class _Evidence:
                 return shown
         if stated is not None:
             return self._stated(index, channel, stated)
-        return channel if channel.source == "floor" else _floor_only(channel)
+        return channel if channel.own_scale else _floor_only(channel)
 
     def _shown(self, index: int, channel: ChannelNoise) -> ChannelNoise | None:
         """The noise that rest or replicates show; None if neither does."""
@@ -259,8 +269,8 @@ class _Evidence:
     def _at_rest(self, index: int, channel: ChannelNoise) -> Pooled | None:
         """The noise of the windows in which nothing moves."""
         masks = [self._rest(k, index, channel.floor) for k in range(len(self.records))]
-        if not any(mask[:, index].any() for mask in masks):
-            return None
+        if max((_longest(mask[:, index]) for mask in masks), default=0) < LENGTH:
+            return None  # too short a rest to show anything but white noise
         data = ChannelData(self.records, masks, index, self.noise.model.spacing, channel.step)
         return learn_noise(data)
 
@@ -299,60 +309,30 @@ class _Evidence:
         return float(np.mean(errors**2)) <= (1.0 - _FOLLOWS) * spread**2, spread
 
     def _stated(self, index: int, channel: ChannelNoise, stated: StatedNoise | float) -> ChannelNoise:
-        """The noise that the rig file states, unless the data contradict it."""
-        every = range(len(self.records))
-        pieces = residual_pieces(self.noise, self.measurements, self.outputs, index, every)
+        """The floor, and the noise that the rig file states, unless the data contradict it."""
+        pieces = residual_pieces(self.noise, self.measurements, self.outputs, index, range(len(self.records)))
         total = stated.total if isinstance(stated, StatedNoise) else stated
+        over = stated.over or 0.0 if isinstance(stated, StatedNoise) else 0.0
+        white = total if not isinstance(stated, StatedNoise) else float(stated.white or total)
         left = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2))) if pieces else math.inf
+        remark, factor = "", 1.0
         if left < _BELOW * total:
-            ratio = total / left if left else math.inf
-            said = f"the rig file states {ratio:.1f} times what the model leaves, which contradicts it"
-            return _floor_only(channel, said)
-        parts = _parts(stated, channel, pieces, self.noise.model.spacing)
-        white, slow, correlation = parts
-        remark = ""
-        if channel.plateau and channel.floor > _ABOVE * max(white, 1e-300):
-            times = channel.floor / white if white else math.inf
-            remark = (
-                f"the white noise measured is {times:.1f} times what the rig file states: it is used instead"
-            )
-            white = channel.floor
-        sigma = math.hypot(white, slow)
-        new = ChannelNoise(
-            channel.name,
-            sigma,
-            correlation if slow else 0.0,
-            channel.step,
-            "rig",
-            guessed=False,
-            masked=channel.masked,
-            edges=channel.edges,
-            white=(white / sigma) ** 2 if slow else 0.0,
-            degrees=_STATED_DEGREES,
-            floor=channel.floor,
-            plateau=channel.plateau,
-            remark=remark or "as stated",
-        )
+            factor = total / left if left else math.inf
+            remark = f"the rig file states {_times(factor)} what the model leaves, which contradicts it"
+        elif channel.plateau and channel.floor > _ABOVE * white:
+            factor = channel.floor / white if white else math.inf
+            remark = f"its white noise alone is {_times(factor)} what the rig file states"
+        new = _floor_only(channel, remark)
+        if new.source != "floor":  # nothing is measured, so the statement is all that is known
+            return replace(channel, sigma=total, source="rig", guessed=False, degrees=_STATED_DEGREES)
+        if remark:
+            return replace(new, unusable=factor > _UNUSABLE)
+        new = replace(new, allowed=total, over=over)
         return new.stated(channel_statement(new, None))
 
 
-def _parts(
-    stated: StatedNoise | float, channel: ChannelNoise, pieces: Sequence[Floats], spacing: float
-) -> tuple[float, float, float]:
-    """The white and the slow part (SI) of a stated noise, and the correlation of neighbours of the latter.
-
-    A single number far above the floor includes slow noise; how slow is then read from the residuals, as an
-    AR(1) process with their correlation time: ``ρ = (τ − 1)/(τ + 1)``.
-    """
-    least = max(channel.floor, channel.step / math.sqrt(12.0))
-    if isinstance(stated, StatedNoise):
-        white = float(stated.white) if stated.white is not None else least
-        return white, float(stated.slow or 0.0), math.exp(-spacing / stated.over) if stated.over else 0.0
-    if not channel.floor or stated <= _SLOW * channel.floor or not pieces:
-        return max(stated, channel.step / math.sqrt(12.0)), 0.0, 0.0
-    together = correlation_time(pieces)
-    slow = math.sqrt(stated**2 - channel.floor**2)
-    return channel.floor, slow, min(0.999, (together - 1.0) / (together + 1.0))
+def _times(factor: float) -> str:
+    return f"{factor:.2g} times"
 
 
 def _steady_windows(measurements: Measurements) -> list[list[tuple[int, int]]]:
@@ -388,6 +368,12 @@ def _course_spans(measurements: Measurements) -> dict[int, float]:
         for index in record.along:
             courses.setdefault(index, []).append(record.input_course(index))
     return {index: float(np.ptp(np.concatenate(each))) for index, each in courses.items()}
+
+
+def _longest(mask: NDArray[np.bool_]) -> int:
+    """The length of the longest run of True values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 def _off_trend(values: Floats) -> float:
