@@ -61,7 +61,7 @@ def searched(
         view=lambda _: here,  # no law is changed by the shape tolerance
         scatter=lambda _: None,  # and no size scatters
     )
-    search.tolerance, search.start = 0.1, before
+    search.tolerance, search.start, search.in_own_scale = 0.1, before, False
     search.at = lambda _: here  # type: ignore[method-assign]
     return search, best
 
@@ -87,9 +87,10 @@ def test_a_set_with_an_error_below_the_noise_is_at_most_ambiguous_and_states_its
     search, best = searched(Adequacy(little, below_noise=True), (member("valve_leakage"),))
     assert search.sure(best)
     left = Remainder(0.007, 2.0, 0.004, "", "", "", "0.7 % of the misfit is left", below_noise=True)
+    quiet = SimpleNamespace(problem=SimpleNamespace(noise=SimpleNamespace(channels=())))
     best = cast(
         "RefittedSet",
-        SimpleNamespace(candidates=best.candidates, unusual={}, undetermined=(), chi2=best.chi2),
+        SimpleNamespace(candidates=best.candidates, unusual={}, undetermined=(), chi2=best.chi2, fit=quiet),
     )
     assert verdict_on(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
     assert verdict_on(search, best, [], {}, left) is Verdict.AMBIGUOUS
@@ -148,8 +149,11 @@ def test_no_effect_is_added_while_it_is_undecided_whether_one_is_missing(verdict
     assert said == f"added nothing: these data cannot tell whether anything is missing: {doubt}"
 
 
-def test_noise_assumed_three_times_too_large_leaves_the_verdict_undecided() -> None:
-    """An effect of 20 sigmas lies below this noise; the verdict was "Adequate", with detection limits."""
+def test_noise_assumed_three_times_too_large_is_taken_back() -> None:
+    """An effect of 20 sigmas lies below this noise; the verdict was "Adequate", with detection limits.
+
+    The model leaves less than the noise that is assumed: that refutes it, and the white floor remains.
+    """
     scenario = Scenario("nothing", repeated=1, temperatures=(20.0, 60.0), pressures=(50.0,), seed=3)
     campaign = hide(scenario.plain, [(find_hidden("valve_leakage"), LEAKS)], "other")
     model = load_model(shipped("models", "hl32-textbook.yaml"))
@@ -159,10 +163,9 @@ def test_noise_assumed_three_times_too_large_leaves_the_verdict_undecided() -> N
     fitted = fit_model(model, measurements, replace(learned, model=replace(learned.model, channels=wide)))
     before = judge(fitted, model.name)
     found = diagnose_comparison(before)
-    assert before.adequacy.below_noise
-    assert found.verdict is Verdict.ADEQUATE
-    assert found.title == "Not decided"
-    assert "below its noise" in found.doubt
-    assert found.document()["doubt"] == found.doubt
+    assert not before.adequacy.below_noise
+    refuted = [one for one in before.fit.problem.noise.channels if one.standing == "floor"]
+    assert refuted
+    assert all("less than the noise that was assumed" in one.remark for one in refuted)
+    assert found.verdict is not Verdict.ADEQUATE
     assert not [line for line in found.evidence if "might not be seen" in line]
-    assert "they cannot decide" in before.statement

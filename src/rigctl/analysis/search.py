@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from rigctl.analysis.candidates import at_sizes
 from rigctl.analysis.comparison_result import ModelComparison
@@ -88,7 +89,7 @@ class Search(RefittedSets):
         self._singles()
         return self.least([self.none, *self.trials.values()])
 
-    @property
+    @cached_property
     def in_own_scale(self) -> bool:
         """Whether only the floor of some noise is known: what a model leaves is then the scale of its
         errors."""
