@@ -22,7 +22,9 @@ def before(*, standard: bool = True) -> Any:
         standard_record=object() if standard else None,
         outputs=tuple(SimpleNamespace(name=name, unit=unit) for name, (unit, _) in CHANNELS.items()),
     )
-    channels = {name: SimpleNamespace(unit=unit, noise_level=noise) for name, (unit, noise) in CHANNELS.items()}
+    channels = {
+        name: SimpleNamespace(unit=unit, noise_level=noise) for name, (unit, noise) in CHANNELS.items()
+    }
     problem = SimpleNamespace(
         model=SimpleNamespace(family=family),
         measurements=SimpleNamespace(outputs=("position",), rig=SimpleNamespace(channels=channels)),
