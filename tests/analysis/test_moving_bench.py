@@ -1,0 +1,199 @@
+"""A bench that never rests: no green on a guess, and effects that need no noise level."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from commands import answer, told
+from rigctl.analysis.diagnosis import diagnose
+from rigctl.dataset import open_run
+from rigctl.dataset.importing.bring_in import import_file
+from rigctl.errors import RigctlError
+from rigctl.model.load import load_model
+from rigctl.rig.load import load_rig
+
+FAMILY = """
+family: swing
+title: Mass on a spring
+source: a drawing
+states:
+  x: {start: {value: 0 m, std: 1 m}, scale: 1 mm, rate: v}
+  v: {start: {value: 0 m/s, std: 0.5 m/s}, scale: 3 mm/s, rate: (force - stiffness*x - damping*v)/mass}
+inputs:
+  force: {value: 0 N, meaning: commanded}
+parameters:
+  stiffness: {value: 4 N/m, bounds: [0.1 N/m, 100 N/m], meaning: of the spring}
+  damping: {value: 0.15 N*s/m, bounds: [0.0001 N*s/m, 10 N*s/m], meaning: of the damper}
+  zero: {value: 0 m, bounds: [-1 m, 1 m], meaning: of the reading}
+constants:
+  mass: 1 kg
+outputs:
+  position: {unit: m, formula: x + zero, meaning: as measured}
+"""
+RIG = """
+name: swing
+model: families/swing.yaml
+channels:
+  position: {unit: m, quantity: position%s}
+actuators:
+  force: {kind: level, unit: N, low: -100 N, high: 100 N}
+safe_state: {force: 0 N}
+"""
+MODEL = """
+model: families/swing.yaml
+rig: rigs/swing.yaml
+parameters:
+  stiffness: {value: 4 N/m, fit: true}
+  damping: {value: 0.15 N*s/m, fit: true}
+  zero: {value: 0 m, fit: true}
+"""
+SAMPLES, PERIOD, STEPS = 800, 0.1, 10
+WHITE = 0.005
+
+
+def swung(cubic: float = 0.0, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """(n) force and position: a multisine, held from sample to sample, by Runge and Kutta's method."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(SAMPLES) * PERIOD
+    frequencies, phases = rng.uniform(0.03, 0.5, 12), rng.uniform(0.0, 2.0 * np.pi, 12)
+    force = 0.5 * np.sin(2.0 * np.pi * np.outer(t, frequencies) + phases).sum(axis=1)
+
+    def rate(state: np.ndarray, pushed: float) -> np.ndarray:
+        x, v = state
+        return np.array([v, pushed - 3.6 * x - 0.2 * v - cubic * x**3])
+
+    state, position, h = np.zeros(2), np.empty(SAMPLES), PERIOD / STEPS
+    for i in range(SAMPLES):
+        position[i] = state[0] + 0.02
+        for _ in range(STEPS):
+            k1 = rate(state, force[i])
+            k2 = rate(state + 0.5 * h * k1, force[i])
+            k3 = rate(state + 0.5 * h * k2, force[i])
+            k4 = rate(state + h * k3, force[i])
+            state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return force, position
+
+
+def white(rng: np.random.Generator) -> np.ndarray:
+    return WHITE * rng.standard_normal(SAMPLES)
+
+
+def slow(rng: np.random.Generator) -> np.ndarray:
+    """A correlation of 0.95 from sample to sample, with a standard deviation of 3·WHITE, on white noise."""
+    values = rng.standard_normal(SAMPLES)
+    for i in range(1, SAMPLES):
+        values[i] = 0.95 * values[i - 1] + np.sqrt(1.0 - 0.95**2) * values[i]
+    return 3.0 * WHITE * values + white(rng)
+
+
+def project(
+    folder: Path, noise: Callable[[np.random.Generator], np.ndarray], cubic: float = 0.0, stated: str = ""
+) -> None:
+    """A user's folder, with a log of the bench."""
+    for name, text in {
+        "families/swing.yaml": FAMILY,
+        "rigs/swing.yaml": RIG % (f", noise: {stated}" if stated else ""),
+        "models/swing.yaml": MODEL,
+        "rigctl.toml": "",
+    }.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    force, position = swung(cubic)
+    readings = position + noise(np.random.default_rng(7))
+    rows = np.column_stack([np.arange(SAMPLES) * PERIOD, force, readings])
+    np.savetxt(folder / "log.csv", rows, "%.7g", ",", header="time [s],force [N],position [m]", comments="")
+
+
+def diagnosed(folder: Path) -> Any:
+    imported = import_file(folder / "log.csv", load_rig(folder / "rigs/swing.yaml"), folder / "runs")
+    return diagnose([open_run(imported.path)], load_model(folder / "models/swing.yaml"))
+
+
+def test_a_right_model_with_white_errors_is_adequate(tmp_path: Path) -> None:
+    project(tmp_path, white)
+    found = diagnosed(tmp_path)
+    assert found.verdict == "adequate"
+    channel = found.document()["channels"]["position"]
+    assert channel["noise_standing"] == "floor"
+    assert channel["noise"] == pytest.approx(WHITE, rel=0.1)
+    assert channel["nrmse"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_slow_noise_that_nobody_states_is_not_decided(tmp_path: Path) -> None:
+    project(tmp_path, slow)
+    found = diagnosed(tmp_path)
+    assert found.verdict == "undecided"
+    assert found.effects == ()
+    assert found.before.adequacy.verdict is None
+    assert "slow noise or a missing effect" in found.statement
+    assert any("every input constant" in one for one in found.decided_by)
+    assert found.title == "Not decided"
+
+
+@pytest.mark.parametrize("noise", [white, slow])
+def test_an_effect_with_which_the_misfit_collapses_is_named_whatever_the_noise(
+    tmp_path: Path, noise: Callable[[np.random.Generator], np.ndarray]
+) -> None:
+    project(tmp_path, noise, cubic=0.6)
+    found = diagnosed(tmp_path)
+    assert found.verdict in ("missing_effect", "ambiguous")
+    assert found.effects == ("cubic_stiffness_on_v",)
+    size = next(one for one in found.ranking if one.effect in found.effects).parameters["coefficient"]
+    assert size.value == pytest.approx(0.6, abs=4.0 * size.std)
+
+
+def test_a_stated_noise_explains_slow_errors_up_to_its_size(tmp_path: Path) -> None:
+    project(tmp_path, slow, stated="{white: 5 mm, slow: 15 mm, over: 2 s}")
+    found = diagnosed(tmp_path)
+    assert found.verdict == "adequate"
+    assert "that the rig file states" in found.statement
+
+
+@pytest.mark.parametrize("stated", ["1 mm", "200 mm"])
+def test_a_stated_noise_that_the_data_contradict_is_said_with_both_numbers(
+    tmp_path: Path, stated: str
+) -> None:
+    project(tmp_path, slow, stated=stated)
+    found = diagnosed(tmp_path)
+    assert found.verdict == "undecided"
+    assert "rig file states" in " ".join([found.statement, *found.notes])
+    assert "times" in " ".join([found.statement, *found.notes])
+
+
+def test_the_whole_way_prints_a_grey_answer_with_what_would_decide_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project(tmp_path, slow)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/swing.yaml")
+    compared = answer("compare", "latest", "--model", "models/swing.yaml")
+    assert compared["adequate"] is None
+    assert compared["unproven"] == ["position"]
+    assert compared["channels"]["position"]["r2"] > 0.99
+    text = told("compare", "latest", "--model", "models/swing.yaml")
+    assert "Not decided" in text
+    assert "R²" in text
+    assert "decided by" in text
+    assert json.dumps(compared["decided_by"])
+
+
+@pytest.mark.parametrize("stated", ["0 m", "{slow: 3 mm}", "{over: 2 s}", "3 bar", "{white: -1 mm}"])
+def test_a_stated_noise_that_cannot_be_is_refused_in_one_message(tmp_path: Path, stated: str) -> None:
+    project(tmp_path, white, stated=stated)
+    with pytest.raises(RigctlError, match=r"noise|slow|over|dimension"):
+        load_rig(tmp_path / "rigs/swing.yaml")
+
+
+def test_a_reading_that_is_its_own_input_is_refused(tmp_path: Path) -> None:
+    project(tmp_path, white)
+    rows = np.loadtxt(tmp_path / "log.csv", delimiter=",", skiprows=1)
+    rows[:, 2] = rows[:, 1]
+    np.savetxt(tmp_path / "log.csv", rows, "%.7g", ",", header="time [s],force [N],position [m]", comments="")
+    with pytest.raises(RigctlError, match="its readings are those of the input force"):
+        diagnosed(tmp_path)
