@@ -54,6 +54,8 @@ _STILL = 0.3
 _STEADY = 0.05
 #: share of a channel's variance that a model must explain before its predictions say where the bench rests
 _FOLLOWS = 0.5
+#: a channel that varies by less than this many times its floor rests all the time
+_MOVES = 3.0
 #: a window in which a channel varies by less than this share of its overall deviation is at rest in any case
 _FLAT = 0.03
 #: a stated noise is contradicted by a floor larger by this factor, ...
@@ -291,7 +293,7 @@ class _Evidence:
             window = values[first:last]
             if not np.isfinite(window).any():
                 continue
-            flat = float(np.nanstd(window)) <= _FLAT * spread
+            flat = float(np.nanstd(window)) <= _FLAT * spread or spread <= _MOVES * floor
             still = follows and _off_trend(predicted[first:last]) <= _STILL * floor
             if flat or still:
                 mask[first:last, index] = good[first:last, index]
