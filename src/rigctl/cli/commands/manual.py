@@ -64,7 +64,7 @@ def off(
     elif result.confirmed:
         echo(result.done)
     else:
-        typer.secho(result.done, fg=typer.colors.RED, bold=True)
+        typer.secho(result.done, fg=typer.colors.RED, bold=True, err=True)
     if not result.confirmed:
         raise typer.Exit(ExitCode.FAILED)
 
