@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
 from rigctl.analysis.comparison import compare
-from rigctl.analysis.fitting import fit_to_data, read_runs
+from rigctl.analysis.fitting import Data, fit_to_data, read_runs
 from rigctl.analysis.improve import improve
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing.bring_in import import_file
@@ -60,11 +60,13 @@ def carry_out_real(trial: RealTrial) -> RealOutcome:
         }
         if log.fit:
             parts = dict.fromkeys(log.known, run)
+        after = load_model(model) if improvement.steps else given.fit.model
+        errors = _errors([given.fit.model, after], parts, log)
         improved = Improved(
             added=tuple(effect for step in improvement.steps for effect in step.effects),
             r2={channel: shown["r2"] for channel, shown in given.channels().items()},
-            before=_errors(given.fit.model, parts, log),
-            after=_errors(load_model(model) if improvement.steps else given.fit.model, parts, log),
+            before=errors[0],
+            after=errors[1],
             last=answer_of(improvement.last),
         )
     return replace(
@@ -88,15 +90,20 @@ def _imported(log: RealLog, lines: list[str], folder: Path, name: str, rows: int
     return open_run(import_file(path, load_rig(folder / "rig.yaml"), folder / "runs").path)
 
 
-def _errors(model: Model, parts: Mapping[str, Run], log: RealLog) -> dict[str, float]:
-    """RMSE of a simulation of each part; only its initial values and the logger's delay are fitted."""
-    unit = parse_unit(log.unit)
-    errors = {}
+def _errors(models: Sequence[Model], parts: Mapping[str, Run], log: RealLog) -> list[dict[str, float]]:
+    """For each model, RMSE of a simulation of each part; only its start and the logger's delay are fitted."""
+    errors: list[dict[str, float]] = [{} for _ in models]
     for part, run in parts.items():
-        try:
-            simulated = fit_to_data(model, read_runs(model, [run]), refit=False)
-        except RigctlError:
-            errors[part] = math.nan
-        else:
-            errors[part] = simulated.errors[log.channel].rmse / unit.factor
+        data = read_runs(models[0], [run])  # once: the noise of a long record takes longer than a simulation
+        for k, model in enumerate(models):
+            errors[k][part] = _error(model, data, log)
     return errors
+
+
+def _error(model: Model, data: Data, log: RealLog) -> float:
+    """RMSE in the log's unit; NaN if the model cannot be simulated."""
+    try:
+        simulated = fit_to_data(model, data, refit=False)
+    except RigctlError:
+        return math.nan
+    return simulated.errors[log.channel].rmse / parse_unit(log.unit).factor
