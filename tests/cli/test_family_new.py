@@ -353,3 +353,33 @@ def test_agreement_is_claimed_after_adding_an_effect_only_if_compare_confirms_it
     assert [step["effects"] for step in added["steps"]] == [["threshold_on_leak_1"]]
     compared = answer("compare", "latest", "--model", done["model"])
     assert compared["adequate"] == ("now agrees" in added["improvement"])
+
+
+@pytest.mark.parametrize(
+    "heading", ["time_s,voltage_V,speed_rpm", "Time,Voltage (V),Speed/rpm", "t [s],u [V],n [rpm]"]
+)
+def test_the_two_lines_of_the_readme_work_on_a_log_as_loggers_write_it(empty: Path, heading: str) -> None:
+    """Without a name or a unit given by hand."""
+    rows = [f"{k / 10},{6 if k > 20 else 0},{max(0, k - 20) * 3 + np.sin(k):.2f}" for k in range(60)]
+    (empty / "log.csv").write_text("\n".join([heading, *rows]) + "\n", encoding="utf-8")
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    lines = [line.partition("#")[0].removeprefix("$ ").strip() for line in readme.splitlines()]
+    new = next(line for line in lines if line.startswith("rigctl family new motor --csv"))
+    bring_in = next(line for line in lines if line.startswith("rigctl import ../log.csv"))
+    told(*shlex.split(new.replace("../log.csv", "log.csv"))[1:], "--no-fit")
+    told(*shlex.split(bring_in.replace("../log.csv", "log.csv"))[1:])
+    assert open_run("latest").record(0).channels
+
+
+@pytest.mark.parametrize(
+    ("heading", "row", "says"),
+    [
+        ("time,temp,duty", "{k},0,20,1,{m},0", "the heading has 3 names, and the rows below it have 6 cells"),
+        ("time [s],a [V],b [V]", "{k},{m},{x}", "b: not a number"),
+    ],
+)
+def test_a_file_that_cannot_be_read_leaves_no_draft(empty: Path, heading: str, row: str, says: str) -> None:
+    rows = [row.format(k=k, m=k % 7, x="x" if k == 12 else k) for k in range(30)]
+    (empty / "log.csv").write_text("\n".join([heading, *rows, ""]), encoding="utf-8")
+    assert says in refusal("family", "new", "odd", "--csv", "log.csv", "--no-fit")
+    assert not [*empty.rglob("odd*")]

@@ -9,7 +9,16 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from torture import broken_files, corruptions, endings, foreign_files, guarded, lying, switching_off
+from torture import (
+    broken_files,
+    corruptions,
+    endings,
+    foreign_files,
+    guarded,
+    logger_files,
+    lying,
+    switching_off,
+)
 
 
 def main() -> None:
@@ -17,6 +26,7 @@ def main() -> None:
     asked.add_argument("--corruptions", type=int, default=5000)
     asked.add_argument("--files", type=int, default=100_000)
     asked.add_argument("--foreign", type=int, default=10_000)
+    asked.add_argument("--loggers", type=int, default=10_000)
     asked.add_argument("--endings", type=int, default=2000)
     asked.add_argument("--lying", type=int, default=2000, help="endings behind each protocol")
     asked.add_argument("--guarded", type=int, default=80)
@@ -31,6 +41,7 @@ def main() -> None:
             "corruptions": asdict(corruptions.torture(runs, given.corruptions, given.seed)),
             "broken_files": asdict(broken_files.torture(files, given.files, given.seed)),
             "foreign_files": foreign_files.torture(Path(folder) / "foreign", given.foreign, given.seed),
+            "logger_files": asdict(logger_files.torture(Path(folder) / "loggers", given.loggers, given.seed)),
             "endings": asdict(endings.torture(Path(folder) / "endings", given.endings, given.seed, kinds)),
             "lying": asdict(
                 lying.torture(Path(folder) / "lying", given.seed, lying.KINDS, iter(range(given.lying)))

@@ -131,7 +131,7 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     options = Options(columns={**named, **found.columns})
     source = open_source(path, options)
     read = {heading.name: heading for heading in source.headings}
-    table = table_of(source, path, options, keep_good=True, most=_MOST_ROWS)
+    table = table_of(source, path, options, most=_MOST_ROWS)
     _refuse_repeated(source, [column.name for column in table.columns])
     codes = _codes(table.records, len(table.columns[0].values))
     times = None

@@ -18,6 +18,7 @@ from rigctl.dataset.importing.layouts import (
     find_layout,
     has_value,
     is_data,
+    is_names,
     unit_row,
 )
 from rigctl.dataset.importing.missing_values import is_comment
@@ -92,7 +93,10 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
         )
     delimiter, rows, index = best
     remarks: list[str] = []
-    layout = _layout(text, delimiter, rows, index, options.heading)
+    try:
+        layout = _layout(text, delimiter, rows, index, options.heading)
+    except RigctlError as problem:
+        raise problem.at(Location(path, problem.where.line)) from None
     if layout.line == 0 and options.heading is None:
         remarks.append(f"the file has no heading; its columns are called 1 to {len(layout.cells)}")
     before = [row for row in rows if row.line < layout.line]
@@ -234,6 +238,14 @@ def _as_wide(text: str, delimiter: str, rows: list[Row], index: int) -> Layout:
             cells = split_row(written.lstrip("# \t"), delimiter)
             if len(cells) == width and not is_data(Row(line, line, tuple(cells))):
                 return Layout(cells, line, index)
+    if index and is_names(above := rows[index - 1]):
+        raise RigctlError(
+            f"the heading has {len(above.cells)} names, and the rows below it have {width} cells",
+            value=", ".join(above.filled),
+            expected="a name for each cell; a decimal comma in a file with commas divides a number in two",
+            hint="Say what separates the cells, --delimiter ';', or that there is no heading, --heading 0",
+            where=Location(None, above.line),
+        )
     return _unnamed(rows, index)
 
 

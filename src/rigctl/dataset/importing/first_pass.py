@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,16 +25,23 @@ if TYPE_CHECKING:
 MOST_BAD: Final = 100_000
 #: samples for the value at a record's start, since one of them may be a spike
 _FIRST: Final = 5
+#: samples of records that are alike to the last bit by more than chance
+_ALIKE: Final = 20
 
 
 @dataclass(frozen=True)
 class RecordFacts:
-    """One record of the file: its rate in Hz (0 for a single sample), the SI values of its condition."""
+    """One record of the file: its rate in Hz (0 for a single sample), the SI values of its condition.
+
+    `digest` is the same for records with the same samples, from their beginning on; empty if no channel
+    changes or there are too few of them to recognise a copy.
+    """
 
     label: Label
     rate: float
     gap: Gap | None
     values: Mapping[str, float]
+    digest: bytes = b""
 
 
 @dataclass
@@ -114,8 +122,18 @@ class _Gathered:
         self._kept: dict[str, list[NDArray[np.float64]]] = {
             name: [] for name in ("time", *conditions.medians, *conditions.starts, *conditions.levels)
         }
+        self._digest = hashlib.sha256()
+        self._first: NDArray[np.float64] | None = None
+        self._changes = False
 
     def add(self, block: NDArray[np.float64], stretch: Stretch) -> None:
+        rows = np.delete(block[stretch.start : stretch.stop], 1, axis=1)  # without the record's number
+        if self._first is None:
+            self._first = rows[0].copy()
+        rows[:, 0] = np.round(rows[:, 0] - self._first[0], 9)
+        measured = slice(1, 1 + len(self._layout.channels))
+        self._changes |= bool((np.abs(rows[:, measured] - self._first[measured]) > 0.0).any())
+        self._digest.update(np.ascontiguousarray(rows).tobytes())
         for name, pieces in self._kept.items():
             values = block[stretch.start : stretch.stop, self._layout.columns.index(name)]
             if name in self._conditions.starts:
@@ -137,7 +155,9 @@ class _Gathered:
         steps = np.diff(times)
         label = checker.book.labels[checker.record_ids[self._record]]
         usual = float(np.median(steps)) if len(steps) else 0.0
-        return RecordFacts(label, _rate(usual), find_gap(times), values)
+        known = self._changes and len(times) >= _ALIKE
+        digest = self._digest.digest() if known else b""
+        return RecordFacts(label, _rate(usual), find_gap(times), values, digest)
 
     def _whole(self, name: str) -> NDArray[np.float64]:
         """Return a whole column and free its parts: a record can be as long as the file."""
@@ -150,10 +170,7 @@ def _alike(records: list[RecordFacts], conditions: Conditions) -> list[RecordFac
     for name in conditions.clustered:
         for facts, centre in zip(values, cluster([facts[name] for facts in values]), strict=True):
             facts[name] = centre
-    return [
-        RecordFacts(record.label, record.rate, record.gap, facts)
-        for record, facts in zip(records, values, strict=True)
-    ]
+    return [replace(record, values=facts) for record, facts in zip(records, values, strict=True)]
 
 
 def _rate(step: float) -> float:

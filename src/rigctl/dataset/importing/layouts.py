@@ -126,7 +126,11 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
 
 
 def _begins_values(rows: Sequence[Row], at: int) -> bool:
-    """Return whether at least half of the cells of this row and of those after it are values."""
+    """Return whether at least half of the cells of this row and of the next are values, or all of this one,
+    which follows a row of names: a logger may have stopped after a single row.
+    """
+    if at and is_data(rows[at]) and is_names(rows[at - 1]) and len(rows[at - 1].cells) == len(rows[at].cells):
+        return True
     following = rows[at : at + _VALUES]
     width = len(rows[at].cells)
     return all(

@@ -10,6 +10,7 @@ from rigctl.dataset.importing.first_pass import Span, Survey
 from rigctl.dataset.importing.headings import time_unit
 from rigctl.dataset.importing.labels import describe_label
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.samples import copies_in
 from rigctl.dataset.importing.sentinels import MARKS
 from rigctl.dataset.importing.table import Heading
 from rigctl.units import parse_unit, show
@@ -27,6 +28,8 @@ def notes(result: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]
     yield from _absent(layout, rig, assumed)
     for name, span in result.spans.items():
         yield from _channel_notes(name, span, result.rows, layout)
+    for copy, original in copies_in(result):
+        yield f"{copy} has the same samples as {original}; count only one of them: --only 'record != …'"
     broken = [record for record in result.records if record.gap is not None]
     if broken:
         worst = max(broken, key=lambda record: record.gap.length if record.gap else 0.0)

@@ -98,7 +98,7 @@ def take_observations(
     """
     marks = marks_of(missing)
     result = Survey()
-    sentinels = Sentinels([column.index for column in assigned if column.kind in ("channel", "other")])
+    sentinels = Sentinels([column.index for column in assigned if column.unit is not None])
     parts = []
     more = 0
     for part in source.parts(*places_of(assigned)):

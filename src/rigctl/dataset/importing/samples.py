@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rigctl.dataset.importing.campaign import Campaign
 from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.columns import Assigned, layout_of
 from rigctl.dataset.importing.conditions import conditions_of
@@ -99,7 +100,36 @@ def take_samples(
     if stages.find_marks():  # among all values of a column it is known which of them are none
         result = survey_all()
     _refuse_row_numbers(source, assigned, result)
+    if isinstance(source, Campaign) and not keep_good:
+        _refuse_copies(source, result)
     return Samples(source, assigned, layout, result, options, stages, kept)
+
+
+def copies_in(found: Survey) -> list[tuple[str, str]]:
+    """Return the records that have the same samples as one before them, and that one, as described."""
+    first: dict[bytes, str] = {}
+    copies = []
+    for record in found.records:
+        label = describe_label(record.label)
+        original = first.setdefault(record.digest, label)
+        if record.digest and original != label:
+            copies.append((label, original))
+    return copies
+
+
+def _refuse_copies(source: Source, found: Survey) -> None:
+    """Refuse a file with the samples of another, which would count twice, and be held out of its own fit.
+
+    Within one file such records get a remark: without noise, as in a simulation, repetitions are the same.
+    """
+    for copy, original in copies_in(found):
+        raise RigctlError(
+            f"{copy} has the same samples as {original}",
+            expected="each measurement once",
+            hint="Leave one of them out, for instance one of two files; '--keep-good' imports both, with a "
+            "remark, and --only then selects one of them in an analysis",
+            where=Location(source.path),
+        )
 
 
 def _refuse_row_numbers(source: Source, assigned: Sequence[Assigned], found: Survey) -> None:

@@ -31,7 +31,7 @@ class Sentinels:
 
     Parameters
     ----------
-    columns: indices of the columns that may have marks: measurements, not commands or times.
+    columns: indices of the columns that may have marks: not the times.
     """
 
     columns: Sequence[int]
@@ -60,7 +60,12 @@ class Sentinels:
         result = {}
         for index, counts in self._counts.items():
             number, largest = self._others[index]
-            far = {mark: count for mark, count in counts.items() if abs(mark) >= _FAR * largest}
+            far = {
+                mark: count
+                for mark, count in counts.items()
+                # a command that is otherwise zero may have been 9999 once
+                if abs(mark) >= _FAR * largest and (largest > 0.0 or mark < 0.0)
+            }
             if far and number >= _FEWEST:
                 result[index] = far
         return result

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_VALUED: Final = ("channel", "command", "other")
 #: limit of the numbers in memory, bytes
 _MOST: Final = 2_000_000_000
 
@@ -38,8 +39,8 @@ class Stages:
     marks: Mapping[int, Mapping[float, int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        measured = [column.index for column in self.assigned if column.kind in ("channel", "other")]
-        self.sentinels = Sentinels([] if "none" in self.options.missing else measured)
+        valued = [column.index for column in self.assigned if column.kind in _VALUED]
+        self.sentinels = Sentinels([] if "none" in self.options.missing else valued)
 
     def find_marks(self) -> bool:
         """After a pass, take the numbers that turned out to be marks of missing values for the next passes;
@@ -51,7 +52,7 @@ class Stages:
     def mark_remarks(self) -> Iterator[str]:
         """Return a remark on the marks of each column."""
         for column in self.assigned:
-            if column.index in self.marks and column.kind in ("channel", "other"):
+            if column.index in self.marks:
                 yield remark(column.name, self.marks[column.index])
 
     def _read(self, source: Source, wanted: Sequence[int], record: int | None) -> Iterator[Part]:
