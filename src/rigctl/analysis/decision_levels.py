@@ -31,6 +31,9 @@ COLLAPSE: Final = 0.3
 #: white floor, and its square more than this share of what the model left without it
 MANY_FLOORS: Final = 3.0
 MOSTLY: Final = 0.1
+#: of two effects that both leave more than `MANY_FLOORS`, one is not excluded if its squared error is less
+#: than this many times that of the other
+CHANGE_PLACES: Final = 2.5
 #: an error below this share of a stated noise refutes the statement
 REFUTED: Final = 0.5
 #: an error of a sensor larger than this many times the white noise of its readings is not the sensor's

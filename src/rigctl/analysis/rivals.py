@@ -12,14 +12,17 @@ import numpy as np
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.decision_levels import (
     AT_LIMIT,
+    CHANGE_PLACES,
     DISCREPANCY_LIMIT,
     LEAST_DIFFERENCE,
     LEAST_SEPARATION,
+    MANY_FLOORS,
     REFIT_SCATTER,
     STAND_IN,
     TOLERANCE,
 )
 from rigctl.analysis.identity import same_cause
+from rigctl.analysis.own_scale import squares, times_the_floor
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.analysis.separability import consistent_gain, cosine, directions, separation
@@ -73,6 +76,8 @@ class Rival:
     nested: the parameter of the found effect, and its value, at which that effect becomes the rival, if the
         fit is not significantly different from it; else "".
     beside: the second effect of a pair that together replaces a single one; else "".
+    both_leave: neither explains the misfit to its noise, and their errors differ by less than what both leave
+        may decide.
     """
 
     member: str
@@ -86,6 +91,7 @@ class Rival:
     unusual: str = ""
     nested: str = ""
     beside: str = ""
+    both_leave: bool = False
 
     @property
     def separable(self) -> bool:
@@ -95,6 +101,7 @@ class Rival:
             and self.difference >= LEAST_DIFFERENCE
             and not self.within_tolerance
             and not self.nested
+            and not self.both_leave
         )
 
     @property
@@ -132,6 +139,7 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
                     share=share,
                     unusual=trial.unusual.get(other, ""),
                     nested=nested_at(best.fit, member.effect, other),
+                    both_leave=_both_leave(search, best, trial),
                 )
                 for other in trial.effects
                 if other not in best.effects
@@ -223,7 +231,7 @@ def _known(search: Search, best: RefittedSet, listed: Collection[str]) -> list[R
     if not others:
         return []
     rivals = [one for trial in others for one in [_known_rival(search, best, trial)] if one is not None]
-    close = [one for one in rivals if one.difference < LEAST_DIFFERENCE]
+    close = [one for one in rivals if one.difference < LEAST_DIFFERENCE or one.both_leave]
     return close or [one for one in sorted(rivals, key=lambda one: one.difference)[:1] if one.separable]
 
 
@@ -239,7 +247,30 @@ def _known_rival(search: Search, best: RefittedSet, trial: RefittedSet) -> Rival
     differs = where_they_differ(search.none.fit, best.fit, trial.fit)
     share = (trial.chi2 - best.chi2) / max(search.explained(best, member), 1e-12)
     unusual = trial.unusual.get(other.name, "")
-    return Rival(member.name, other.name, trial, cos, distance, difference, differs, share, unusual)
+    both = _both_leave(search, best, trial)
+    return Rival(
+        member.name,
+        other.name,
+        trial,
+        cos,
+        distance,
+        difference,
+        differs,
+        share,
+        unusual,
+        both_leave=both,
+    )
+
+
+def _both_leave(search: Search, best: RefittedSet, trial: RefittedSet) -> bool:
+    """Whether two sets leave much more than the white floor, and not much more or less than each other.
+
+    What both leave is then no noise but a part of the bench that neither has, and which of them fits better
+    beside it is not known: an effect at an input and one in the dynamics may change places.
+    """
+    if not search.in_own_scale or times_the_floor(best.fit) <= MANY_FLOORS:
+        return False
+    return squares(trial.fit) < CHANGE_PLACES * squares(best.fit)
 
 
 def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:

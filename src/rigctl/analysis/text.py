@@ -330,6 +330,8 @@ def _lacking(rival: Rival) -> str:
         parts.append(
             f"{rival.member} with {rival.nested} is {rival.name}, and its fit is not significantly different"
         )
+    if rival.both_leave:
+        parts.append("both leave much more than the white noise, so that neither is excluded")
     if not parts:
         parts.append(
             f"they differ by {share_text(max(rival.share, 0.0))} of what it explains, and the shape of "
