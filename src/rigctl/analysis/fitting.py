@@ -91,6 +91,7 @@ def read_runs(
     _require_no_copies(runs)
     measurements = read_measurements(model, runs)
     _require_own_readings(measurements)
+    _require_moving_readings(measurements)
     noise = noise_of(measurements)
     units = variable_units(measurements)
     choice = Choice(hold_out or "", only or "", assumed_when_opened(runs))
@@ -112,6 +113,26 @@ def _require_no_copies(runs: Sequence[Run]) -> None:
             value=copy.id,
             expected="each measurement once",
             hint="Give one of the two",
+        )
+
+
+def _require_moving_readings(measurements: Measurements) -> None:
+    """Refuse records in which no channel ever changes although an input does: a sensor that is stuck."""
+    if measurements.table or not measurements.outputs:
+        return
+    readings = np.concatenate([record.values for record in measurements.records])
+    moved = any(
+        float(np.ptp(record.input_course(index))) > 0.0
+        for record in measurements.records
+        for index in range(len(measurements.inputs))
+    )
+    spans = [column[np.isfinite(column)] for column in readings.T]
+    if moved and all(column.size and float(np.ptp(column)) == 0.0 for column in spans):
+        raise RigctlError(
+            "its readings never change, although an input does",
+            value=", ".join(measurements.outputs),
+            expected="a sensor that is not stuck",
+            hint="Leave the record out, or give another channel",
         )
 
 

@@ -29,6 +29,8 @@ LAGS = 40
 _ORDER = 8
 #: order of the difference by which the white part of the errors is measured
 _DIFFERENCE = 2
+#: least correlation of errors with a past input that counts
+_LEAST = 0.3
 #: an input that changes less than this share of its magnitude is constant
 _CONSTANT = 1e-9
 
@@ -124,8 +126,10 @@ def _correlations(name: str, errors: list[Floats], courses: dict[str, list[Float
     for each, pieces in courses.items():
         cross, count_of = _cross(innovations, [_filtered(piece, filter_) for piece in pieces], lags)
         inputs[each] = cross
-        z = float(np.max(np.abs(cross))) * math.sqrt(max(count_of, 1))
-        inputs_p[each] = min(1.0, cross.size * math.erfc(z / math.sqrt(2.0)))
+        largest = float(np.max(np.abs(cross)))
+        z = largest * math.sqrt(max(count_of, 1))
+        # neither the time of a switch nor the prewhitening is exact: less is no error of the model
+        inputs_p[each] = min(1.0, cross.size * math.erfc(z / math.sqrt(2.0))) if largest > _LEAST else 1.0
     white_rms, degrees = floor_of_residuals(errors, _DIFFERENCE)
     return Correlations(
         name,

@@ -54,6 +54,8 @@ _STILL = 0.3
 _STEADY = 0.05
 #: share of a channel's variance that a model must explain before its predictions say where the bench rests
 _FOLLOWS = 0.5
+#: least length of a rest that shows slow noise, as a share of its record
+_LONG_REST = 0.1
 #: a channel that varies by less than this many times its floor rests all the time
 _MOVES = 3.0
 #: a window in which a channel varies by less than this share of its overall deviation is at rest in any case
@@ -63,7 +65,7 @@ _ABOVE = 1.4
 #: ... and by a model whose error is less than this share of it
 _BELOW = 0.5
 #: a statement off by more than this factor is a wrong unit
-_UNUSABLE = 10.0
+_UNUSABLE = 20.0
 #: degrees of freedom of a stated noise: it is good to a quarter
 _STATED_DEGREES = 8
 #: largest share of the independent readings that counts as spent on unknowns
@@ -241,7 +243,7 @@ class _Evidence:
         if not slow:  # windows cannot show what changes over longer times than theirs
             shown = self._shown(index, channel)
             if shown is not None:
-                return shown
+                return shown if stated is None else _beside(shown, _total(stated))
         if stated is not None:
             return self._stated(index, channel, stated)
         return channel if channel.own_scale else _floor_only(channel)
@@ -271,8 +273,9 @@ class _Evidence:
     def _at_rest(self, index: int, channel: ChannelNoise) -> Pooled | None:
         """The noise of the windows in which nothing moves."""
         masks = [self._rest(k, index, channel.floor) for k in range(len(self.records))]
-        if max((_longest(mask[:, index]) for mask in masks), default=0) < LENGTH:
-            return None  # too short a rest to show anything but white noise
+        long = [max(LENGTH, _LONG_REST * mask.shape[0]) for mask in masks]
+        if not any(_longest(mask[:, index]) >= least for mask, least in zip(masks, long, strict=True)):
+            return None  # too short a rest to show anything as slow as the record
         data = ChannelData(self.records, masks, index, self.noise.model.spacing, channel.step)
         return learn_noise(data)
 
@@ -313,7 +316,7 @@ class _Evidence:
     def _stated(self, index: int, channel: ChannelNoise, stated: StatedNoise | float) -> ChannelNoise:
         """The floor, and the noise that the rig file states, unless the data contradict it."""
         pieces = residual_pieces(self.noise, self.measurements, self.outputs, index, range(len(self.records)))
-        total = stated.total if isinstance(stated, StatedNoise) else stated
+        total = _total(stated)
         over = stated.over or 0.0 if isinstance(stated, StatedNoise) else 0.0
         white = total if not isinstance(stated, StatedNoise) else float(stated.white or total)
         left = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2))) if pieces else math.inf
@@ -331,6 +334,22 @@ class _Evidence:
             return replace(new, unusable=factor > _UNUSABLE)
         new = replace(new, allowed=total, over=over)
         return new.stated(channel_statement(new, None))
+
+
+def _total(stated: StatedNoise | float) -> float:
+    """SI, the standard deviation of one reading by a statement."""
+    return stated.total if isinstance(stated, StatedNoise) else stated
+
+
+def _beside(shown: ChannelNoise, total: float) -> ChannelNoise:
+    """A noise that the data show, beside a stated one: with neither, if the two are as far apart as units."""
+    factor = max(shown.sigma / total, total / shown.sigma)
+    if factor <= _UNUSABLE:
+        return shown
+    more = "more" if total > shown.sigma else "less"
+    remark = f"the rig file states {_times(factor)} {more} than the readings at rest show"
+    new = replace(shown, remark=remark, unusable=True)
+    return new.stated(channel_statement(new, None))
 
 
 def _times(factor: float) -> str:
