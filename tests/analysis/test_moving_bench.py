@@ -176,8 +176,16 @@ def test_the_whole_way_prints_a_grey_answer_with_what_would_decide_it(
     assert compared["adequate"] is None
     assert compared["unproven"] == ["position"]
     assert compared["channels"]["position"]["r2"] > 0.99
-    text = told("compare", "latest", "--model", "models/swing.yaml")
+    analysis = compared["residuals"]["position"]
+    assert analysis["autocorrelation"][1] > analysis["band"]
+    assert max(map(abs, analysis["cross_correlation"]["force"])) < 2.0 * analysis["band"]
+    text = told("compare", "latest", "--model", "models/swing.yaml", "-o", "page.html")
     assert "Not decided" in text
+    assert "within its noise" not in text
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert 'class="statement open"' in page
+    assert "Correlation of the errors of position" in page
+    assert "its white part alone" in page
     assert "R²" in text
     assert "decided by" in text
     assert json.dumps(compared["decided_by"])

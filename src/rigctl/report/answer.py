@@ -46,7 +46,9 @@ class Answer:
 
 def comparison_answer(model: ModelComparison) -> Answer:
     """How well one model agrees, and where it fails most."""
-    facts = [("fit", fit_text(model)), ("error", error_text(falls([model.fit], left_of(model))))]
+    facts = [("fit", fit_text(model))]
+    if not model.adequacy.undecided:  # where the noise is not known, no error is within it or beyond
+        facts.append(("error", error_text(falls([model.fit], left_of(model)))))
     verdict = model.adequacy.verdict
     if verdict is False:
         facts += [("mostly at", _most(model)), ("lacks", _wanted(model))]

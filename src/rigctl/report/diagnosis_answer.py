@@ -41,7 +41,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
             (_size_head(diagnosis), _sizes(diagnosis)),
             ("certain", _certain(diagnosis)),
             ("how sure", _sureness(diagnosis)),
-            ("error", error_text(falls(_fits(diagnosis), left_of_diagnosis(diagnosis)))),
+            ("error", _error(diagnosis)),
             ("left", _left(diagnosis)),
         ]
     laws = [one.statement for one in diagnosis.laws if one.differs]
@@ -49,6 +49,13 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     facts.append(("decided by", "; or ".join(diagnosis.decided_by)))
     tone: Tone = "open" if diagnosis.doubt else _TONES[diagnosis.verdict]
     return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts))
+
+
+def _error(diagnosis: Diagnosis) -> str:
+    """The systematic error; "" where the noise is not known, and no error is within it or beyond."""
+    if diagnosis.verdict is Verdict.UNDECIDED:
+        return ""
+    return error_text(falls(_fits(diagnosis), left_of_diagnosis(diagnosis)))
 
 
 def _fits(diagnosis: Diagnosis) -> list[FitResult]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -157,12 +157,25 @@ def compare(
         write_page(opened, output, [*comparison_sections(comparison), *last], force=force)
     if as_json:
         rival_documents = {"rivals": [one.document() for one in rivals]} if rivals else {}
-        print_json({**comparison.document(), **rival_documents})
+        print_json({**_document(comparison), **rival_documents})
     else:
         show_comparison(comparison, verbose=verbose)
         show_fmu_rivals(rivals)
         choice = DataOptions(only, hold_out, assume or (), family)
         _lead_on(comparison, runs, [str(one) for one in model], choice, fit=fit)
+
+
+def _document(comparison: Comparison) -> dict[str, Any]:
+    """The machine-readable answer, with the residual analysis of every model."""
+    from rigctl.analysis.residual_analysis import residual_correlations
+
+    document = comparison.document()
+    for model, part in zip(comparison.models, document["models"], strict=True):
+        found = {} if model.rows else residual_correlations(model.fit)
+        part["residuals"] = {name: one.document() for name, one in found.items()}
+    if len(comparison.models) == 1:
+        document["residuals"] = document["models"][0]["residuals"]
+    return document
 
 
 def _require_fmus(written: Sequence[Path]) -> list[Path]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from markupsafe import Markup
 
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.record_level import RecordQuantity
+from rigctl.noise import Standing
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records
 from rigctl.report.analysis.page_top import NamedModels, answer_section
+from rigctl.report.analysis.residual_plot import residual_plots
 from rigctl.report.analysis.stroke_over_temperature import stroke_plot
 from rigctl.report.analysis.table_section import TablePart, table_body, table_parts
 from rigctl.report.answer import models_answer, plain_statement
@@ -121,17 +124,26 @@ def _table(tables: Sequence[TablePart], findings: Sequence[str]) -> Section:
 
 def _numbers(comparison: Comparison) -> Section:
     """Errors, tests, record-level parameters and notes on the data, in technical terms."""
+    plots = residual_plots(comparison.models[-1].fit)
     body = render(
-        "numbers.html", comparison=comparison, models=[_model(model) for model in comparison.models]
+        "numbers.html",
+        comparison=comparison,
+        models=[_model(model) for model in comparison.models],
+        residuals=[(plot.caption, plot_slot(plot)) for plot in plots],
     )
-    hint = "errors by channel, the tests, how the data were taken"
-    return Section("numbers", "The statistics", body, folded=True, hint=hint)
+    hint = "errors by channel, the tests, whether the errors are correlated, how the data were taken"
+    return Section("numbers", "The statistics", body, tuple(plots), folded=True, hint=hint)
 
 
 def _model(model: ModelComparison) -> dict[str, object]:
     titles = model.fit.problem.measurements.titles
     channels = [
-        {**one, "name": plain_name(titles.get(name, name)), "unit": symbol(str(one["unit"]))}
+        {
+            **one,
+            "name": plain_name(titles.get(name, name)),
+            "unit": symbol(str(one["unit"])),
+            "known": _known(one),
+        }
         for name, one in model.channels().items()
     ]
     tests = [
@@ -154,6 +166,21 @@ def _model(model: ModelComparison) -> dict[str, object]:
             if one.statement and one.statement not in model.statement
         ],
     }
+
+
+def _known(channel: Mapping[str, Any]) -> str:
+    """What the noise of a channel is known from."""
+    if channel["noise_standing"] == "floor" and not channel["noise_plateau"]:
+        return "its white part at most"
+    return _STANDINGS[channel["noise_standing"]]
+
+
+_STANDINGS: dict[Standing, str] = {
+    "measured": "rest or replicates",
+    "stated": "the rig file",
+    "floor": "its white part alone",
+    "guess": "a guess",
+}
 
 
 def _record_quantity(one: RecordQuantity) -> dict[str, object]:

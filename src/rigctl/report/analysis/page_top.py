@@ -82,7 +82,7 @@ def answer_section(answer: Answer, named: NamedModels | None, *, about: str, sen
         sentence=words(without_chance(sentence or answer.sentence)),
         facts=[(words(head), words(text)) for head, text in answer.facts if head not in _ELSEWHERE],
         falls=None if named is None else _chart(shown, named),
-        quiet=_unchanged(channel_falls, shown),
+        quiet="" if answer.tone == "open" else _unchanged(channel_falls, shown),
         plot=None if plot is None else plot_slot(plot),
         caption="" if plot is None else plot.caption,
     )

@@ -31,6 +31,12 @@ const inSigmas = (differences, { quiet = "" } = {}) => {
     .map(({ title, curves: named }) => curves({ x: differences.times, named, quiet, first: quiet ? -1 : 0, xLabel: "time in the record [s]", yLabel: `${title} [σ]`, describe: `${title} in sigmas: ${Object.keys(named).join(", ")}` }));
 };
 
+// `adequate` is null where these data cannot tell.
+const agreementTone = ({ adequate }) => (adequate === null ? "open" : adequate ? "good" : "bad");
+
+// What would tell slow noise from a missing effect.
+const decidedBy = (result) => (result.decided_by.length ? h("div", {}, h("p", { class: "note" }, "What would decide it:"), h("ul", {}, ...result.decided_by.map((text) => h("li", {}, text)))) : null);
+
 // Versions of a model on the same records and noise, one per column.
 const beside = (result) => {
   const [first, last] = result.models;
@@ -38,7 +44,8 @@ const beside = (result) => {
   const cell = (one, name) => (one.channels[name] ? `${figure(one.channels[name].rmse)} ${one.channels[name].unit}` : "–");
   const held = (one, name) => one.channels[name]?.heldout_rmse ?? null;
   return [
-    h("p", { class: `statement ${last.adequate ? "good" : last.below_noise ? "warn" : "bad"}` }, last.statement),
+    h("p", { class: `statement ${agreementTone(last)}` }, last.statement),
+    decidedBy(last),
     h("p", { class: "note" }, first.statement),
     table("Root mean square error, on the same records", ["", result.names[0], result.names[1], "noise"], [
       ...names.flatMap((name) => [
@@ -54,7 +61,8 @@ const beside = (result) => {
 export const comparison = (result) => (result.models?.length > 1 ? beside(result) : agreement(result));
 
 const agreement = (result) => [
-  h("p", { class: `statement ${result.adequate ? "good" : result.below_noise ? "warn" : "bad"}` }, result.statement),
+  h("p", { class: `statement ${agreementTone(result)}` }, result.statement),
+  decidedBy(result),
   table("By channel", ["channel", "RMSE", "noise", "RMSE/noise", "bias", "χ²"], Object.entries(result.channels).map(([name, one]) => [plain(name), `${figure(one.rmse)} ${one.unit}`, `${figure(one.noise)} ${one.unit}`, figure(one.nrmse, 3), `${figure(one.bias, 2)} ${one.unit}`, figure(one.chi2_reduced, 4)])),
   fold("Where it fails, and the tests",
     table("Where it fails", ["", "share of the error", "error/noise", "p"], result.where.slice(0, 12).map((one) => [`${one.by} ${one.label}`, percent(one.share_of_error), figure(one.rmse, 3), chance(one.p_value)])),
@@ -67,7 +75,7 @@ const parameters = (values) => Object.entries(values).map(([name, one]) => `${pl
 // `actions`: { look(state), add(effect), improve(), design(), discover() }
 export const diagnosis = (result, actions) => {
   const titleOf = (name) => result.titles[name] ?? plain(name);
-  const tone = { adequate: "good", missing_effect: "bad", ambiguous: "warn", outside_library: "warn" }[result.verdict];
+  const tone = result.doubt ? "open" : { adequate: "good", missing_effect: "bad", ambiguous: "warn", outside_library: "warn", undecided: "open" }[result.verdict];
   const ranked = result.verdict === "adequate" ? [] : result.ranking.slice(0, 6);
   const line = (one) => {
     const state = result.states[one.effect];
@@ -85,6 +93,7 @@ export const diagnosis = (result, actions) => {
     ...(one.difference ? [h("p", { class: "note" }, one.difference.record), ...inSigmas(one.difference)] : []));
   return [
     h("p", { class: `statement ${tone}` }, h("strong", {}, `${result.title}. `), result.statement),
+    decidedBy(result),
     ranked.length ? h("ul", { class: "ranking", "aria-label": "Probability that an effect is among what is missing" }, ...ranked.map(line)) : null,
     result.effects.length ? h("div", { class: "toolbar" }, button(result.verdict === "missing_effect" ? "Add what is missing" : "Add the most likely", actions.improve, { class: result.verdict === "missing_effect" ? "primary" : "" })) : null,
     result.alike.length ? h("div", {}, h("h3", {}, "Not distinguished"), ...result.alike.map(group)) : null,
