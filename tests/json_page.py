@@ -33,6 +33,7 @@ _BY_NAME = {
     *("channels", "parameters", "tests", "beside", "outputs", "actuators", "assume"),
     *("rmse", "heldout_rmse", "noise", "units", "states", "inputs", "slots", "settings"),
     *("weights", "probabilities", "gains", "expected", "error", "sizes"),
+    *("residuals", "cross_correlation", "input_p_values"),
 }
 
 

@@ -32,7 +32,7 @@ def residual_plots(fit: FitResult) -> list[Plot]:
 
 def _plot(key: str, title: str, found: Correlations, spacing: float) -> Plot:
     """Correlations over the lag in seconds; lag 0 of the autocorrelation, always 1, is left out."""
-    lags = spacing * np.arange(found.auto.size)
+    lags: Floats = spacing * np.arange(found.auto.size, dtype=np.float64)
     panels = [_panel("their own past", lags[1:], found.auto[1:], found.band, _OWN, named=True)]
     followed = sorted(found.inputs, key=lambda name: found.inputs_p[name])[:_MOST_INPUTS]
     panels += [
