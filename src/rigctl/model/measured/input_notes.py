@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
+from rigctl.model.inputs import input_sources
 from rigctl.model.measured.assumed import input_unit
 from rigctl.model.measured.excitation import Acting
 from rigctl.model.measured.record import MeasuredRecord
+from rigctl.model.measured.input_floor import measured_noise
 from rigctl.model.measured.smoothing import smoothed, window_of
 from rigctl.model.model import Model
-from rigctl.noise import NoiseRecord, estimate_noise
 from rigctl.rig.rig import Rig
 from rigctl.units import show
 
@@ -23,7 +22,7 @@ class SmoothedInputs:
 
     Attributes
     ----------
-    noise: by input, the standard deviation of a reading, SI, if the data determine it.
+    noise: by input, the standard deviation of a reading, SI, if it is stated or the data determine it.
     notes: on it.
     """
 
@@ -33,18 +32,28 @@ class SmoothedInputs:
 
 
 def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> SmoothedInputs:
-    """Remove as much of the noise of measured inputs as their readings allow."""
+    """Remove as much of the noise of measured inputs as their readings allow; commands have none."""
     smooth, noise, notes = list(records), dict[str, float](), []
-    for name, sigma in _input_noise(model, rig, records).items():
+    for name in _measured_inputs(model, rig, records):
         index = [item.name for item in model.family.inputs].index(name)
         columns = [(k, record.along.index(index)) for k, record in enumerate(smooth) if index in record.along]
         lines = [smooth[k].lines[:, column] for k, column in columns]
-        window = window_of([smooth[k].knots for k, _ in columns], lines, sigma)
+        channel = rig.channels.get(name) if rig is not None else None
+        stated = channel.noise_level if channel is not None and channel.noise_level else None
+        knots = [smooth[k].knots for k, _ in columns]
+        sigma = stated if stated is not None else measured_noise(knots, lines)
+        if sigma is None:
+            continue
         noise[name] = sigma
+        source = "as the rig file says" if stated is not None else "by its differences"
         text = f"a reading of the input {name} has noise of "
-        text += show(sigma, input_unit(model, rig, name), difference=True, digits=2)
+        text += f"{show(sigma, input_unit(model, rig, name), difference=True, digits=2)}, {source}"
+        window = window_of(knots, lines, sigma)
         if window > 1:
-            text += f": it is smoothed over {window} readings"
+            text += (
+                f": it is smoothed over {window} readings. If it is a command, and so known exactly, make it "
+                "an actuator of the rig file"
+            )
             for (k, column), line in zip(columns, lines, strict=True):
                 changed = smooth[k].lines.copy()
                 changed[:, column] = smoothed(smooth[k].knots, line, window)
@@ -53,27 +62,14 @@ def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecor
     return SmoothedInputs(tuple(smooth), noise, tuple(notes))
 
 
-def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:
-    """Standard deviation of a reading of each continuous input, SI, if the data determine it."""
-    sigmas = {}
+def _measured_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> Iterator[str]:
+    """The inputs with readings between which they change; what an actuator commands is known exactly."""
+    given = input_sources(model.family, rig) if rig is not None else ()
+    commanded = {source.input for source in given if source.actuators}
     for index in sorted({index for record in records for index in record.along}):
         name = model.family.inputs[index].name
-        measured = [record for record in records if index in record.along]
-        readings = [
-            NoiseRecord(
-                record.knots,
-                record.lines[:, [record.along.index(index)]],
-                number,
-                np.zeros(record.knots.size, dtype=np.intp),
-            )
-            for number, record in enumerate(measured)
-        ]
-        channel = rig.channels.get(name) if rig is not None else None
-        known = {name: channel.noise_level} if channel is not None and channel.noise_level else {}
-        noise = estimate_noise(readings, (name,), known=known).channels[0]
-        if not noise.guessed or known:
-            sigmas[name] = noise.sigma
-    return sigmas
+        if name not in commanded:
+            yield name
 
 
 def acting_notes(
