@@ -185,6 +185,12 @@ class ModelFamily:
         """One-line representation."""
         return one_line(self, f"{self.name}: {self.title}")
 
+    @property
+    def in_time(self) -> bool:
+        """Whether its records have a time axis: it has states, or outputs that follow its inputs at once in a
+        standard record. Only then can something lag, or depend on what was before."""
+        return bool(self.states) or self.standard_record is not None
+
     def slot(self, name: str) -> Slot:
         """The slot called `name`.
 

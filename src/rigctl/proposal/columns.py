@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.dataset.importing.options import Options, TimePolicy
 from rigctl.dataset.importing.table import Heading, Source
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.formulas import reserved_names
@@ -17,6 +18,8 @@ from rigctl.units import Unit, interval_unit, parse_unit
 
 Floats = NDArray[np.float64]
 Role = Literal["input", "output", "left out"]
+#: a command is known exactly, a measured input has noise
+Origin = Literal["commanded", "measured", "unclear"]
 
 #: rows that are examined: enough to classify a column
 _MOST_ROWS: Final = 200_000
@@ -34,7 +37,8 @@ class Column:
     values: (n) SI, NaN where one is missing; empty without a file.
     stated: whether the heading has the unit in brackets, as an import reads it.
     role, reason: its role for the bench, and the reason for that.
-    stepped: whether it is constant except for single steps, like a command.
+    stepped: whether it holds between samples: constant except for single steps, like a command.
+    origin: of an input, whether it is commanded or measured.
     """
 
     name: str
@@ -45,6 +49,7 @@ class Column:
     role: Role = "output"
     reason: str = ""
     stepped: bool = False
+    origin: Origin = "measured"
 
     @property
     def display(self) -> Unit:
@@ -71,7 +76,7 @@ class Table:
     times: (n) seconds; None for a table without time.
     record: (n) which record each row belongs to.
     renamed: the option for an import, ``theirs=ours [unit]``.
-    copies: some rows are exact copies of the row before, and times increase otherwise.
+    options: how the file was read, for its import.
     """
 
     path: Path | None
@@ -79,7 +84,7 @@ class Table:
     times: Floats | None
     record: NDArray[np.int64]
     renamed: tuple[str, ...] = ()
-    copies: bool = False
+    options: Options = field(default_factory=Options)
 
     def column(self, name: str) -> Column:
         """The column with this name, on the bench or in the file.
@@ -100,12 +105,14 @@ class Table:
         return [np.flatnonzero(self.record == code) for code in np.unique(self.record)]
 
 
-def read_columns(path: Path, units: Mapping[str, str]) -> Table:
+def read_columns(path: Path, units: Mapping[str, str], options: Options | None = None) -> Table:
     """The numeric columns of a file of measurements, with names for a bench.
 
     Parameters
     ----------
     units: of columns whose heading has none, by name.
+    options: of the import. Rows that repeat the one before are left out, and a step back in time begins a
+        record, unless they say otherwise.
 
     Raises
     ------
@@ -114,24 +121,24 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     """
     from rigctl.dataset.importing.formats import open_source
     from rigctl.dataset.importing.headings import folded
-    from rigctl.dataset.importing.options import Options
     from rigctl.dataset.importing.read_table import stamped_column, table_of
     from rigctl.dataset.importing.time_column import is_other_time, with_time_column
 
-    source = open_source(path, Options())
+    plain_options = options or Options()
+    source = open_source(path, plain_options)
     headings = {heading.name: _heading(heading, units) for heading in source.headings}
     _check_units(units, headings.values())
     plain = {name: heading.plain.strip().casefold() for name, heading in headings.items()}
-    found = with_time_column(((one.name, one.unit) for one in source.headings), Options())
+    found = with_time_column(((one.name, one.unit) for one in source.headings), plain_options)
     time = next((name for name in headings if found.ours(name) == "time"), None)
     record = next((name for name, ours in plain.items() if ours in _RECORDS), None)
     time = time or stamped_column(path, source, found)
     # a time may be written as a date, which only a time is read from
     named = {name: meaning for name, meaning in ((time, "time"), (record, "record")) if name is not None}
-    options = Options(columns={**named, **found.columns})
-    source = open_source(path, options)
+    as_named = replace(plain_options, columns={**named, **found.columns})
+    source = open_source(path, as_named)
     read = {heading.name: heading for heading in source.headings}
-    table = table_of(source, path, options, most=_MOST_ROWS)
+    table = table_of(source, path, as_named, most=_MOST_ROWS)
     _refuse_repeated(source, [column.name for column in table.columns])
     codes = _codes(table.records, len(table.columns[0].values))
     times = None
@@ -139,7 +146,7 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     clock = None if time is None else table.column(time)
     if time is not None and clock is not None:
         heading = _heading(read[time], units)
-        unit = "s" if read[time].seconds else options.unit_of(time) or read[time].unit or "s"
+        unit = "s" if read[time].seconds else as_named.unit_of(time) or read[time].unit or "s"
         times = clock.values * parse_unit(unit).factor
         codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
         if time.casefold() != "time" or not heading.stated:
@@ -149,7 +156,7 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     renamed += [f"{name}=-" for name in table.texts]
     columns = list[Column]()
     for one in table.columns:
-        if one.name == time or (time is not None and is_other_time(one.name, one.unit, options)):
+        if one.name == time or (time is not None and is_other_time(one.name, one.unit, as_named)):
             continue
         column = _column(_heading(read[one.name], units), one.values, [c.name for c in columns])
         columns.append(column)
@@ -159,9 +166,9 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
         raise RigctlError(
             "there is nothing measured in this file", value=str(path), expected="columns of numbers"
         )
-    return Table(
-        path, tuple(columns), times, codes, tuple(renamed), copies=_are_copies(columns, times, codes)
-    )
+    if times is not None and plain_options.times == "refuse":
+        plain_options = replace(plain_options, times=_policy(columns, times, codes))
+    return Table(path, tuple(columns), times, codes, tuple(renamed), plain_options)
 
 
 def _refuse_repeated(source: Source, numeric: Sequence[str]) -> None:
@@ -178,13 +185,14 @@ def _refuse_repeated(source: Source, numeric: Sequence[str]) -> None:
         seen.add(heading.name)
 
 
-def _are_copies(columns: Sequence[Column], times: Floats | None, codes: NDArray[np.int64]) -> bool:
-    """Whether every row whose time is that of the row before is a copy of it, and there is one."""
-    if times is None:
-        return False
+def _policy(columns: Sequence[Column], times: Floats, codes: NDArray[np.int64]) -> TimePolicy:
+    """How an import must treat these times: copies of a row are dropped, a step back begins a record."""
     again = np.flatnonzero((np.diff(times) == 0.0) & (np.diff(codes) == 0)) + 1
-    same = (np.array_equal(c.values[again], c.values[again - 1], equal_nan=True) for c in columns)
-    return again.size > 0 and all(same)
+    if again.size:
+        same = (np.array_equal(c.values[again], c.values[again - 1], equal_nan=True) for c in columns)
+        return "drop" if all(same) else "refuse"
+    back = np.diff(times) < 0.0
+    return "split" if (back & (np.diff(codes) == 1)).any() else "refuse"
 
 
 @dataclass(frozen=True)

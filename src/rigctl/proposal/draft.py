@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 from rigctl.units import parse_unit
 
+#: unit, kind and meaning
+Slot = tuple[str, str, str]
+
 
 @dataclass(frozen=True)
 class State:
@@ -16,6 +19,17 @@ class State:
     scale: str
     rate: str
     meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input of the draft; `delay` is the slot at which its switches may be late, "" for none, and `hold`
+    "linear" for a command that changes from sample to sample."""
+
+    value: str
+    meaning: str
+    delay: str = ""
+    hold: str = ""
 
 
 @dataclass(frozen=True)
@@ -46,20 +60,24 @@ class Draft:
     Attributes
     ----------
     equations: for the file's head, one line each.
-    inputs: value and meaning by name.
     constants: value with its unit, by name.
     slots: unit, kind and meaning by name.
     """
 
     title: str
     equations: tuple[str, ...]
-    inputs: Mapping[str, tuple[str, str]]
+    inputs: Mapping[str, Input]
     outputs: Mapping[str, Formula]
     states: Mapping[str, State] = field(default_factory=dict)
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     constants: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     definitions: Mapping[str, Formula] = field(default_factory=dict)
-    slots: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+    slots: Mapping[str, Slot] = field(default_factory=dict)
+
+    @property
+    def static(self) -> bool:
+        """Whether the outputs follow the inputs at once."""
+        return not self.states
 
 
 def amount(value: float, unit: str, *, difference: bool = False) -> str:
@@ -83,7 +101,7 @@ def times(first: str, second: str) -> str:
     return first if second in ("", "1") else f"{first}*{second}"
 
 
-def positive(value: float, unit: str, meaning: str, *, fit: bool = True, room: float = 100.0) -> Parameter:
+def positive(value: float, unit: str, meaning: str, *, fit: bool = True, room: float = 1000.0) -> Parameter:
     """A parameter above zero, SI, with bounds a factor `room` to either side."""
     shown = value / parse_unit(unit).factor
     return Parameter(shown, unit, shown / room, shown * room, meaning, fit)

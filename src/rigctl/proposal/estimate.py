@@ -38,7 +38,7 @@ def rates(
     count = len(by) + 1
     for rows in _pieces(table, of):
         times = table.times[rows] if table.times is not None else np.arange(float(rows.size))
-        columns = [integral(values[rows], times, held=held) for values, held in by]
+        columns = [integral(_bridged(values[rows], times), times, held=held) for values, held in by]
         columns.append(times - times[0])
         for _ in range(order - 1):
             columns = [integral(column, times, held=False) for column in columns]
@@ -50,6 +50,12 @@ def rates(
     if not blocks:
         return np.zeros(count), 1.0
     return _solve(blocks, wanted, count)
+
+
+def _bridged(values: Floats, times: Floats) -> Floats:
+    """The values, with straight lines across missing ones; 0 if all are missing."""
+    good = np.isfinite(values)
+    return np.interp(times, times[good], values[good]) if good.any() else np.zeros(values.size)
 
 
 def _pieces(table: Table, of: Column) -> list[NDArray[np.intp]]:
@@ -77,7 +83,7 @@ def _solve(
 
 def straight(table: Table, of: Column, by: Sequence[Floats]) -> Floats:
     """``y = Σ c_k·x_k + c``: the coefficients, SI, the constant last."""
-    ok = np.isfinite(of.values)
+    ok = np.isfinite(of.values) & np.all([np.isfinite(values) for values in by], axis=0)
     matrix = np.column_stack([*[values[ok] for values in by], np.ones(int(ok.sum()))])
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from rigctl.errors import RigctlError
 from rigctl.proposal.columns import Column, Floats, Table
-from rigctl.proposal.draft import Formula, amount
+from rigctl.proposal.draft import Formula, Input, Parameter, Slot, amount
 from rigctl.units import parse_unit
 
 
@@ -52,9 +52,37 @@ def held(columns: Sequence[Column]) -> list[tuple[Floats, bool]]:
     return [(column.values, column.stepped) for column in columns]
 
 
-def given(columns: Sequence[Column]) -> dict[str, tuple[str, str]]:
-    """The family's inputs, each with its default value."""
-    return {c.name: (amount(_usual(c), c.unit), c.reason or "given from outside") for c in columns}
+def given(columns: Sequence[Column], *, late: bool = True) -> dict[str, Input]:
+    """The family's inputs, each with its default value; the switches of commands may be `late`."""
+    return {
+        c.name: Input(
+            amount(_usual(c), c.unit),
+            c.reason or "given from outside",
+            f"{c.name}_delay" if late and _switches(c) else "",
+            "linear" if late and c.origin == "commanded" and not c.stepped else "",
+        )
+        for c in columns
+    }
+
+
+def _switches(column: Column) -> bool:
+    return column.origin == "commanded" and column.stepped
+
+
+def acting(column: Column) -> str:
+    """What acts in the equations: an input, with a slot for what an actuator makes of it."""
+    return f"({column.name} + {column.name}_input)"
+
+
+def at_inputs(columns: Sequence[Column], *, late: bool = True) -> dict[str, Slot]:
+    """Slots at the inputs, where a dead band, a saturation, play or a lag of a command may act, and at the
+    switches of commands, which may be late."""
+    slots = dict[str, Slot]()
+    for c in columns:
+        slots[f"{c.name}_input"] = (c.interval, "process", f"what acts besides {c.name}")
+        if late and _switches(c):
+            slots[f"{c.name}_delay"] = ("s", "command", f"until {c.name} acts")
+    return slots
 
 
 def _usual(column: Column) -> float:
@@ -76,6 +104,41 @@ def begin(column: Column) -> tuple[str, str]:
     return amount(first, column.unit), amount(0.01 * span(column), column.interval, difference=True)
 
 
+def counted(column: Column) -> str:
+    """What acts of an input, as a difference: a temperature counts from a reference."""
+    return (
+        f"({acting(column)} - {column.name}_reference)"
+        if column.display.absolute_temperature
+        else acting(column)
+    )
+
+
+def references(inputs: Sequence[Column]) -> dict[str, tuple[str, str]]:
+    """The constants from which temperatures among the inputs count."""
+    return {
+        f"{u.name}_reference": (f"0 {u.unit}", f"from where {u.name} counts")
+        for u in inputs
+        if u.display.absolute_temperature
+    }
+
+
+def at_rest(y: Column, value: float) -> Parameter:
+    """Rest value of an output without input; wide bounds around its range."""
+    present = y.shown[np.isfinite(y.shown)]
+    low, high = (float(present.min()), float(present.max())) if present.size else (-100.0, 100.0)
+    room = max(high - low, 1e-9)
+    at = y.display.from_si(value)
+    low, high = low - 5.0 * room, high + 5.0 * room
+    if y.display.absolute_temperature:
+        low = max(low, y.display.from_si(0.0))
+    return Parameter(min(max(at, low), high), y.unit, low, high, f"where {y.name} rests without any input")
+
+
+def unknown_start(value: str, spread: float, unit: str) -> str:
+    """The start of a state that no channel shows: an unknown of each record."""
+    return f"{{value: {value}, std: {amount(spread, unit, difference=True)}}}"
+
+
 def span(column: Column) -> float:
     """The range of a column, SI; one of its unit without data."""
     present = column.values[np.isfinite(column.values)]
@@ -95,7 +158,7 @@ def reading(column: Column, what: str = "") -> Formula:
     return Formula(column.unit, f"{column.name} + {column.name}_reading", what or "as it was measured")
 
 
-def sensors(columns: Sequence[Column]) -> dict[str, tuple[str, str, str]]:
+def sensors(columns: Sequence[Column]) -> dict[str, Slot]:
     """A slot for what each sensor shows beside the truth."""
     return {f"{c.name}_reading": (c.interval, "sensor", f"of {c.name} beside the truth") for c in columns}
 

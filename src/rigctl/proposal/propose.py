@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigctl.errors import unknown_name
+from rigctl.proposal.choice import Suggestion, suggest
 from rigctl.proposal.columns import Column, Table
 from rigctl.proposal.draft import Draft
 from rigctl.proposal.from_columns import duration, given
@@ -21,6 +22,7 @@ class Proposal:
 
     Attributes
     ----------
+    suggestion: what simple linear systems explain of the log.
     files: text by path, relative to the project.
     """
 
@@ -32,6 +34,7 @@ class Proposal:
     rig: str
     model: str
     procedure: str
+    suggestion: Suggestion
     files: Mapping[str, str]
 
 
@@ -51,32 +54,42 @@ def find_template(name: str) -> str:
 def empty_table(template: str) -> Table:
     """The columns that a template has without a file."""
     columns = tuple(
-        Column(name, name, unit, np.empty(0), role=role)  # type: ignore[arg-type]
+        Column(name, name, unit, np.empty(0), role=role, stepped=True, origin="commanded")  # type: ignore[arg-type]
         for name, unit, role, _ in TEMPLATES[template].columns
     )
     return Table(None, columns, None, np.empty(0, dtype=np.int64))
 
 
 def propose(name: str, table: Table, template: str | None) -> Proposal:
-    """The files for a table; without a template a first-order lag, or a straight line if there is no time.
+    """The files for a table; without a template the simplest that explains it.
 
     Raises
     ------
     RigctlError
         the table lacks what the template needs.
     """
-    chosen = template or ("first-order" if table.times is not None else "linear")
+    suggestion = suggest(table)
+    chosen = template or suggestion.template
     draft = _with_every_input(TEMPLATES[chosen].make(table), table)
     paths = {kind: f"{folder}/{name}.yaml" for kind, folder in _FOLDERS.items()}
     source = f"the template {chosen}" + (f", first values from {table.path.name}" if table.path else "")
     files = {
-        paths["family"]: family_text(name, draft, source),
+        paths["family"]: family_text(name, draft, source, table),
         paths["rig"]: rig_text(name, table, draft, paths["family"]),
         paths["model"]: model_text(draft, paths["family"], paths["rig"]),
         paths["procedure"]: procedure_text(name, table, paths["rig"], duration(table)),
     }
     return Proposal(
-        name, chosen, table, draft, paths["family"], paths["rig"], paths["model"], paths["procedure"], files
+        name,
+        chosen,
+        table,
+        draft,
+        paths["family"],
+        paths["rig"],
+        paths["model"],
+        paths["procedure"],
+        suggestion,
+        files,
     )
 
 
@@ -84,8 +97,8 @@ def _with_every_input(draft: Draft, table: Table) -> Draft:
     """The draft with those inputs that its equations do not contain: an effect may depend on them."""
     other = [one for one in table.columns if one.role == "input" and one.name not in draft.inputs]
     unused = {
-        name: (value, f"{meaning}; in no equation yet, but an effect may depend on it")
-        for name, (value, meaning) in given(other).items()
+        name: replace(one, meaning=f"{one.meaning}; in no equation yet, but an effect may depend on it")
+        for name, one in given(other, late=False).items()
     }
     return replace(draft, inputs={**draft.inputs, **unused}) if unused else draft
 

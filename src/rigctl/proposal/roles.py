@@ -1,59 +1,115 @@
-"""Which columns are inputs and which are outputs: by the user's options, by their steps, and by which
-leads."""
+"""Which columns are inputs and which outputs, and whether an input is commanded or measured.
+
+The user's options come first; then steps, names, a broad spectrum, and which column leads the others.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Final
 
 import numpy as np
 
-from rigctl.proposal.columns import Column, Floats, Role, Table
+from rigctl.errors import RigctlError
+from rigctl.proposal.columns import Column, Floats, Origin, Role, Table
 
 #: a command stays the same over at least this share of its samples
 _HELD: Final = 0.9
 #: most levels of a command, relative to its length
 _LEVELS: Final = 0.1
+#: most levels of a command that switches too often to be held
+_FEW: Final = 12
+#: fewest values of an output that a model can be fitted to
+_FEWEST_VALUES: Final = 3
 #: words in the name of a measured quantity that is imposed from outside
-_OUTSIDE: Final = ("ambient", "room", "outside", "setpoint", "command", "supply", "disturbance", "load")
+_SURROUNDINGS: Final = ("ambient", "room", "outside")
+_OUTSIDE: Final = ("supply", "disturbance", "load")
+_COMMANDS: Final = ("setpoint", "set_point", "command", "demand", "duty", "pwm", "reference")
 #: prefixes in German logs: in the middle of a word they mean something else (Brennraum)
-_OUTSIDE_AT_FIRST: Final = ("umgebung", "raumtemp", "aussen", "soll")
+_SURROUNDINGS_AT_FIRST: Final = ("umgebung", "raumtemp", "aussen")
+_COMMANDS_AT_FIRST: Final = ("soll", "stell")
 #: a lead must explain this much more than the next best
 _CLEAR: Final = 1.5
 _MOST_LAG: Final = 200
+#: a broad spectrum: correlation with its own past, from the third sample on
+_UNRELATED: Final = 0.2
+_PAST: Final = range(3, 11)
+#: share of a column's changes that those of another one explain, of columns that drive each other
+_RELATED: Final = 0.3
+_REACH: Final = 20
 
 
-def with_roles(
-    table: Table, inputs: Collection[str], outputs: Collection[str], omitted: Collection[str]
-) -> Table:
-    """The table with a role for every column; the user's options have precedence.
+@dataclass(frozen=True)
+class StatedRoles:
+    """What the user says of columns; an input in neither of the last two may be either."""
+
+    inputs: Collection[str] = ()
+    outputs: Collection[str] = ()
+    omitted: Collection[str] = ()
+    commanded: Collection[str] = ()
+    measured: Collection[str] = ()
+
+    def by_column(self, table: Table) -> tuple[dict[str, Role], dict[str, Origin]]:
+        """The roles and origins by the bench's names.
+
+        Raises
+        ------
+        RigctlError
+            a name is unknown, or a column has two roles.
+        """
+        roles, origins = dict[str, Role](), dict[str, Origin]()
+        stated: Sequence[tuple[Collection[str], Role, Origin | None]] = (
+            (self.inputs, "input", None),
+            (self.commanded, "input", "commanded"),
+            (self.measured, "input", "measured"),
+            (self.outputs, "output", None),
+            (self.omitted, "left out", None),
+        )
+        for names, role, origin in stated:
+            for name in (table.column(one).name for one in names):
+                if roles.setdefault(name, role) != role or origins.get(name, origin) != origin:
+                    raise RigctlError(
+                        "the options contradict each other",
+                        value=name,
+                        expected="one of --input, --output and --leave; of --commanded and --measured",
+                    )
+                if origin is not None:
+                    origins[name] = origin
+        return roles, origins
+
+
+def with_roles(table: Table, stated: StatedRoles) -> Table:
+    """The table with a role for every column, and for every input its origin.
 
     A column is an input if it is constant except for steps, like a command, if its name says that it is
-    imposed from outside, or, if there is no such column, if its changes precede those of all others.
+    imposed from outside, or, if there is no such column, if its spectrum is as broad as only a command's is,
+    or its changes precede those of all others.
 
     Raises
     ------
     RigctlError
-        a name is unknown.
+        a name is unknown; no column is an input although columns are related; an output repeats an input; or
+        nothing is left to explain.
     """
-    stated = {table.column(name).name: "input" for name in inputs}
-    stated |= {table.column(name).name: "output" for name in outputs}
-    stated |= {table.column(name).name: "left out" for name in omitted}
-    columns = [_judged(column, table, stated.get(column.name)) for column in table.columns]
+    roles, origins = stated.by_column(table)
+    columns = [_judged(column, table, roles.get(column.name)) for column in table.columns]
     if table.times is not None and not any(column.role == "input" for column in columns):
-        columns = _by_lead(columns, table, stated)
-    if not any(column.role == "output" for column in columns) and len(columns) > 1 and not outputs:
-        columns[-1] = replace(
-            columns[-1], role="output", reason="the last column: something must be explained"
-        )
+        columns = _by_spectrum(columns, table, roles) or _by_lead(columns, table, roles)
+    if not any(column.role == "output" for column in columns) and len(columns) > 1 and not stated.outputs:
+        columns = _with_last_output(columns, roles)
+    columns = [_with_origin(column, table, origins.get(column.name)) for column in columns]
+    _require_input(columns, table, roles)
+    _require_change(columns)
+    _refuse_copies(columns)
     return replace(table, columns=tuple(columns))
 
 
-def _judged(column: Column, table: Table, stated: str | None) -> Column:
+def _judged(column: Column, table: Table, stated: Role | None) -> Column:
     stepped = table.times is not None and _is_stepped(column.values, table)
     if stated is not None:
-        return replace(column, role=stated, reason="as you say", stepped=stepped)  # type: ignore[arg-type]
+        return replace(column, role=stated, reason="as you say", stepped=stepped)
     role, reason = _role_of(column, table, stepped=stepped)
     return replace(column, role=role, reason=reason, stepped=stepped)
 
@@ -61,7 +117,7 @@ def _judged(column: Column, table: Table, stated: str | None) -> Column:
 def _role_of(column: Column, table: Table, *, stepped: bool) -> tuple[Role, str]:
     present = column.values[np.isfinite(column.values)]
     still = present.size > 0 and np.ptp(present) == 0.0
-    outside = any(word in column.name for word in _OUTSIDE) or column.name.startswith(_OUTSIDE_AT_FIRST)
+    outside = _is_surrounding(column.name) or _is_named_command(column.name) or _has(column.name, _OUTSIDE)
     first = table.times is None and column is table.columns[0]
     rules: list[tuple[bool, Role, str]] = [
         (not present.size, "left out", "no value in it"),
@@ -76,28 +132,111 @@ def _role_of(column: Column, table: Table, *, stepped: bool) -> tuple[Role, str]
     )
 
 
+def _has(name: str, words: Sequence[str]) -> bool:
+    return any(word in name for word in words)
+
+
+def _is_surrounding(name: str) -> bool:
+    return _has(name, _SURROUNDINGS) or name.startswith(_SURROUNDINGS_AT_FIRST)
+
+
+def _is_named_command(name: str) -> bool:
+    return _has(name, _COMMANDS) or name.startswith(_COMMANDS_AT_FIRST)
+
+
+def _with_last_output(columns: list[Column], roles: Mapping[str, Role]) -> list[Column]:
+    """Something must be explained: the last column that changes and that the user has not given a role."""
+    free = [k for k, one in enumerate(columns) if one.name not in roles and one.role == "input"]
+    if not free:
+        return columns
+    last = replace(columns[free[-1]], role="output", reason="the last column: something must be explained")
+    return [last if k == free[-1] else one for k, one in enumerate(columns)]
+
+
 def _is_stepped(values: Floats, table: Table) -> bool:
-    steps = [np.diff(values[rows]) for rows in table.pieces]
-    changes = np.concatenate(steps) if steps else np.empty(0)
+    changes = _changes(values, table)
     if changes.size < 4:
         return False
-    levels = np.unique(np.round(values[np.isfinite(values)], 9)).size
     held = float(np.mean(changes == 0.0))
-    return held >= _HELD and levels <= max(2.0, _LEVELS * values.size)
+    return held >= _HELD and _levels(values) <= max(2.0, _LEVELS * values.size)
 
 
-def _by_lead(columns: list[Column], table: Table, stated: dict[str, str]) -> list[Column]:
+def _changes(values: Floats, table: Table) -> Floats:
+    steps = [np.diff(values[rows]) for rows in table.pieces]
+    return np.concatenate(steps) if steps else np.empty(0)
+
+
+def _levels(values: Floats) -> int:
+    return int(np.unique(np.round(values[np.isfinite(values)], 9)).size)
+
+
+def _with_origin(column: Column, table: Table, stated: Origin | None) -> Column:
+    """An input with its origin. A command with a few levels holds between samples; of one that changes from
+    sample to sample, such as a multisine or a controller's output, a line is closer to what acted."""
+    if column.role != "input":
+        return column
+    origin, why = (stated, "as you say") if stated is not None else _origin_of(column, table)
+    switched = origin == "commanded" and table.times is not None and _levels(column.values) <= _FEW
+    held = column.stepped or switched
+    reason = column.reason if why in ("", column.reason) else f"{column.reason}; {why}"
+    return replace(column, origin=origin, reason=reason, stepped=held)
+
+
+def _origin_of(column: Column, table: Table) -> tuple[Origin, str]:
+    values = column.values
+    rules: list[tuple[bool, Origin, str]] = [
+        (not values.size, "commanded", ""),
+        (_is_surrounding(column.name), "measured", ""),
+        (column.stepped, "commanded", ""),
+        (_is_named_command(column.name), "commanded", "commanded, by its name"),
+        (table.times is None, "measured", ""),  # a setting of a table acts as it was read
+        (_levels(values) <= _FEW, "commanded", f"commanded: it has only {_levels(values)} values"),
+        (_is_broad(values, table), "commanded", "commanded: unrelated to its own past"),
+    ]
+    return next(
+        ((origin, why) for holds, origin, why in rules if holds),
+        ("unclear", "commanded or measured? The log does not tell"),
+    )
+
+
+def _is_broad(values: Floats, table: Table) -> bool:
+    """Whether a signal has next to nothing to do with its own past: a multisine, filtered noise."""
+    rows = max(table.pieces, key=len)
+    u = _normed(values[rows])
+    if u.size < 4 * _PAST.stop:
+        return False
+    return max(abs(float(u[lag:] @ u[:-lag])) for lag in _PAST) < _UNRELATED
+
+
+def _by_spectrum(columns: list[Column], table: Table, roles: Mapping[str, Role]) -> list[Column] | None:
+    """With the one broad column beside others that are related to their past, if there is one."""
+    free = [k for k, one in enumerate(columns) if one.role == "output" and one.name not in roles]
+    broad = [k for k in free if _is_broad(columns[k].values, table)]
+    others = [one for k, one in enumerate(columns) if one.role == "output" and k not in broad]
+    if len(broad) != 1 or not others:
+        return None
+    (index,) = broad
+    found = replace(columns[index], role="input", reason="its spectrum is broad, as a command's may be")
+    return [found if k == index else one for k, one in enumerate(columns)]
+
+
+def _by_lead(columns: list[Column], table: Table, roles: Mapping[str, Role]) -> list[Column]:
     """The one column whose changes come before those of every other, if that is clear."""
     free = [
-        index for index, column in enumerate(columns) if column.role == "output" and column.name not in stated
+        index for index, column in enumerate(columns) if column.role == "output" and column.name not in roles
     ]
-    if len(free) < 2:
-        return columns
+    others_of = {
+        index: [k for k, one in enumerate(columns) if one.role == "output" and k != index] for index in free
+    }
     rows = max(table.pieces, key=len)
-    changes = {index: _normed(np.diff(columns[index].values[rows])) for index in free}
+    changes = {
+        index: _normed(np.diff(column.values[rows]))
+        for index, column in enumerate(columns)
+        if column.role == "output"
+    }
     for index in free:
-        others = [other for other in free if other != index]
-        if all(_leads(changes[index], changes[other]) for other in others):
+        others = others_of[index]
+        if others and all(_leads(changes[index], changes[other]) for other in others):
             leader = replace(
                 columns[index], role="input", reason="its changes come before those of the others"
             )
@@ -105,9 +244,10 @@ def _by_lead(columns: list[Column], table: Table, stated: dict[str, str]) -> lis
     return columns
 
 
-def _normed(changes: Floats) -> Floats:
-    changes = np.nan_to_num(changes - np.nanmean(changes))
-    return changes / (float(np.linalg.norm(changes)) or 1.0)
+def _normed(values: Floats) -> Floats:
+    present = values[np.isfinite(values)]
+    centred = np.nan_to_num(values - (float(present.mean()) if present.size else 0.0))
+    return np.asarray(centred / (float(np.linalg.norm(centred)) or 1.0))
 
 
 def _leads(first: Floats, second: Floats) -> bool:
@@ -118,3 +258,85 @@ def _leads(first: Floats, second: Floats) -> bool:
     after = max(abs(float(first[:-lag] @ second[lag:])) for lag in range(1, most))
     before = max(abs(float(second[:-lag] @ first[lag:])) for lag in range(1, most))
     return after > _CLEAR * before
+
+
+def _require_input(columns: Sequence[Column], table: Table, roles: Mapping[str, Role]) -> None:
+    """Refuse a draft in which nothing drives anything although columns change together.
+
+    Raises
+    ------
+    RigctlError
+        they do, and the user has not called both of them outputs.
+    """
+    if table.times is None or any(column.role == "input" for column in columns):
+        return
+    outputs = [column for column in columns if column.role == "output"]
+    for one, other in combinations(outputs, 2):
+        if roles.get(one.name) == roles.get(other.name) == "output" or not _related(one, other, table):
+            continue
+        names = [column.theirs for column in outputs]
+        options = " or ".join(f'--input "{name}"' for name in names)
+        alone = " ".join(f'--output "{name}"' for name in names)
+        raise RigctlError(
+            f"'{one.theirs}' and '{other.theirs}' change together, but the log does not tell which of them "
+            "drives the other",
+            expected=f"{options}; or, if nothing drives them (released, cooling), {alone}",
+        )
+
+
+def _related(one: Column, other: Column, table: Table) -> bool:
+    """Whether the changes of a column follow from those of the other, within some samples either way."""
+    rows = max(table.pieces, key=len)
+    first, second = (_normed(np.diff(column.values[rows])) for column in (one, other))
+    if first.size < 4 * _REACH:
+        return False
+    shifts = range(-_REACH, _REACH + 1)
+    matrix = np.column_stack([np.roll(first, shift) for shift in shifts])[_REACH:-_REACH]
+    target = second[_REACH:-_REACH]
+    solution, *_ = np.linalg.lstsq(matrix, target, rcond=1e-6)
+    rest = target - matrix @ solution
+    chance = len(shifts) / target.size
+    total = float(target @ target)
+    return total > 0.0 and 1.0 - float(rest @ rest) / total > _RELATED + chance
+
+
+def _require_change(columns: Sequence[Column]) -> None:
+    """Refuse an output with hardly any values: nothing can be fitted to it.
+
+    Raises
+    ------
+    RigctlError
+        an output has fewer than three values.
+    """
+    for column in columns:
+        if column.role == "output" and column.values.size and _levels(column.values) < _FEWEST_VALUES:
+            raise RigctlError(
+                f"the output '{column.theirs}' has only {_levels(column.values)} different values: no model "
+                "can be fitted to it",
+                hint=f'--leave "{column.theirs}" leaves it out, --input "{column.theirs}" makes it an input',
+            )
+
+
+def _refuse_copies(columns: Sequence[Column]) -> None:
+    """Refuse an output that is one of its inputs, perhaps in another unit.
+
+    Raises
+    ------
+    RigctlError
+        one is.
+    """
+    for u in (column for column in columns if column.role == "input"):
+        for y in (column for column in columns if column.role == "output"):
+            if u.values.size == y.values.size and _is_copy(u.values, y.values):
+                raise RigctlError(
+                    f"the output '{y.theirs}' is the input '{u.theirs}' once more: it would explain itself",
+                    hint=f'--leave "{u.theirs}" or --leave "{y.theirs}" leaves one of them out',
+                )
+
+
+def _is_copy(u: Floats, y: Floats) -> bool:
+    both = np.isfinite(u) & np.isfinite(y)
+    if both.sum() < 4:
+        return False
+    first, second = _normed(u[both]), _normed(y[both])
+    return bool(np.abs(first - second).max() < 1e-6 or np.abs(first + second).max() < 1e-6)

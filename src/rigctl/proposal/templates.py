@@ -6,7 +6,7 @@ Every template takes the columns with their roles; with data, the initial values
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -17,18 +17,24 @@ from rigctl.proposal.columns import Column, Floats, Table
 from rigctl.proposal.draft import Draft, Formula, Parameter, State, amount, either, positive, ratio
 from rigctl.proposal.estimate import rates, straight
 from rigctl.proposal.from_columns import (
+    acting,
+    at_inputs,
+    at_rest,
     begin,
     chosen,
+    counted,
     duration,
     given,
-    held,
     maybe,
     need,
     reading,
+    references,
     require_outputs,
     sensors,
     span,
 )
+from rigctl.proposal.oscillators import driven_mass, mass_spring_damper, second_order
+from rigctl.proposal.responses import first_order_response
 from rigctl.units import parse_unit
 
 
@@ -53,26 +59,18 @@ def first_order(table: Table) -> Draft:
     states, parameters = dict[str, State](), dict[str, Parameter]()
     for y in outputs:
         tag = "" if len(outputs) == 1 else f"_of_{y.name}"
-        coefficients, _ = rates(table, y, [(y.values, False), *held(inputs)])
-        slope = -float(coefficients[0])
-        sane = math.isfinite(slope) and slope * duration(table) > 0.01
-        constant = 1.0 / slope if sane else 0.1 * duration(table)
+        found = first_order_response(table, y, inputs)
+        constant = 1.0 / found.rates[0] if found else 0.1 * duration(table)
+        gains = found.gains if found else [0.5 * span(y) / span(u) for u in inputs]
         parameters[f"time_constant{tag}"] = positive(constant, "s", f"of {y.name}")
-        for u, coefficient in zip(inputs, coefficients[1:-1], strict=True):
-            gain = float(coefficient) / slope if sane else 0.5 * span(y) / span(u)
+        for u, gain in zip(inputs, gains, strict=True):
             name = f"gain{tag}" if len(inputs) == 1 else f"gain_{u.name}{tag}"
             unit = ratio(y.interval, u.interval)
             parameters[name] = either(gain, unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}")
-        rest = (
-            float(coefficients[-1]) / slope
-            if sane
-            else float(np.nanmedian(y.values))
-            if y.values.size
-            else 0.0
-        )
-        parameters[f"rest{tag}"] = _rest(y, rest)
+        rest = found.rest if found else float(np.nanmedian(y.values)) if y.values.size else 0.0
+        parameters[f"rest{tag}"] = at_rest(y, rest)
         pushed = " + ".join(
-            f"{f'gain{tag}' if len(inputs) == 1 else f'gain_{u.name}{tag}'}*{_driven(u)}" for u in inputs
+            f"{f'gain{tag}' if len(inputs) == 1 else f'gain_{u.name}{tag}'}*{counted(u)}" for u in inputs
         )
         start, scale = begin(y)
         rate = f"(rest{tag} - {y.name}{' + ' + pushed if pushed else ''})/time_constant{tag} + {y.name}_drive"
@@ -84,145 +82,13 @@ def first_order(table: Table) -> Draft:
         outputs={y.name: reading(y) for y in outputs},
         states=states,
         parameters=parameters,
-        constants=_zeros(inputs),
+        constants=references(inputs),
         slots={
             f"{y.name}_drive": (ratio(y.interval, "s"), "process", f"what else drives {y.name}")
             for y in outputs
         }
+        | at_inputs(inputs)
         | sensors(outputs),
-    )
-
-
-def _driven(u: Column) -> str:
-    """An input as a difference: a temperature counts from a reference."""
-    return f"({u.name} - {u.name}_reference)" if u.display.absolute_temperature else u.name
-
-
-def _zeros(inputs: Sequence[Column]) -> dict[str, tuple[str, str]]:
-    return {
-        f"{u.name}_reference": (f"0 {u.unit}", f"from where {u.name} counts")
-        for u in inputs
-        if u.display.absolute_temperature
-    }
-
-
-def _rest(y: Column, value: float) -> Parameter:
-    """Rest value of an output without input; wide bounds around its range."""
-    present = y.shown[np.isfinite(y.shown)]
-    low, high = (float(present.min()), float(present.max())) if present.size else (-100.0, 100.0)
-    room = max(high - low, 1e-9)
-    at = y.display.from_si(value)
-    low, high = low - 5.0 * room, high + 5.0 * room
-    if y.display.absolute_temperature:
-        low = max(low, y.display.from_si(0.0))
-    return Parameter(min(max(at, low), high), y.unit, low, high, f"where {y.name} rests without any input")
-
-
-def second_order(table: Table) -> Draft:
-    """``y'' = w²·(rest + gain·u − y) − 2·zeta·w·y'``."""
-    inputs, y = chosen(table, "input"), require_outputs(table)[0]
-    slope = f"{y.name}_rate"
-    omega, zeta, gains, rest = _oscillation(table, y, inputs)
-    parameters = {
-        "natural_frequency": positive(omega, "rad/s", "w, undamped"),
-        "damping_ratio": positive(zeta, "1", "zeta; below 1 it overshoots"),
-        "rest": _rest(y, rest),
-    }
-    for u, gain in zip(inputs, gains, strict=True):
-        unit = ratio(y.interval, u.interval)
-        parameters[f"gain_{u.name}"] = either(
-            gain, unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}"
-        )
-    pushed = "".join(f" + gain_{u.name}*{_driven(u)}" for u in inputs)
-    start, scale = begin(y)
-    per_second = ratio(y.interval, "s")
-    states = {
-        y.name: State(start, scale, slope),
-        slope: State(
-            f"0 {per_second}",
-            amount(0.01 * span(y) * omega, per_second, difference=True),
-            f"natural_frequency^2*(rest{pushed} - {y.name})"
-            f" - 2*damping_ratio*natural_frequency*{slope} + drive",
-        ),
-    }
-    return Draft(
-        title="Second-order lag",
-        equations=(f"d2({y.name})/dt2 = w^2*(rest + gain*input - {y.name}) - 2*zeta*w*d({y.name})/dt",),
-        inputs=given(inputs),
-        outputs={y.name: reading(y)},
-        states=states,
-        parameters=parameters,
-        constants=_zeros(inputs),
-        slots={"drive": (ratio(y.interval, "s^2"), "process", f"what else drives {y.name}"), **sensors([y])},
-    )
-
-
-def _oscillation(
-    table: Table, y: Column, inputs: Sequence[Column]
-) -> tuple[float, float, list[float], float]:
-    """w, zeta, gains and rest of a second-order lag, from the data where they show one."""
-    middle = float(np.nanmedian(y.values)) if y.values.size else 0.0
-    first = 20.0 / duration(table)
-    usual = first, 0.5, [0.5 * span(y) / span(u) for u in inputs], middle
-    if not y.values.size or table.times is None:
-        return usual
-    # y'' = −w²·y − 2·zeta·w·y' + ...: y' enters as the integral of its own integral, which is y itself
-    slopes = _slopes(table, y)
-    coefficients, _ = rates(table, y, [(y.values, False), (slopes, False), *held(inputs)], order=2)
-    square, damping = -float(coefficients[0]), -float(coefficients[1])
-    if not (math.isfinite(square) and square > first**2 * 1e-3):
-        return usual
-    omega = math.sqrt(square)
-    zeta = min(max(damping / (2.0 * omega), 0.01), 5.0)
-    return omega, zeta, [float(c) / square for c in coefficients[2:-1]], float(coefficients[-1]) / square
-
-
-def _slopes(table: Table, y: Column) -> Floats:
-    """dy/dt by differences; it is integrated twice again."""
-    slopes = np.zeros_like(y.values)
-    for rows in table.pieces:
-        if rows.size > 2 and table.times is not None:
-            slopes[rows] = np.gradient(np.nan_to_num(y.values[rows]), table.times[rows])
-    return slopes
-
-
-def mass_spring_damper(table: Table) -> Draft:
-    """``m·x'' = F − c·x' − k·(x − rest)``."""
-    x = need(table, "output", ["m", "rad"], "a position")
-    force = maybe(table, "input", ["N", "N*m"])
-    turning = x.display.dimension != parse_unit("m").dimension
-    unit_f, unit_m = ("N*m", "kg*m^2") if turning else ("N", "kg")
-    omega, zeta, gains, rest = _oscillation(table, x, [force] if force is not None else [])
-    # gain is 1/k
-    stiffness = 1.0 / gains[0] if gains and gains[0] > 0.0 else omega**2
-    mass = stiffness / omega**2
-    u = "rad" if turning else "m"
-    parameters = {
-        "mass": positive(mass, unit_m, "m; inertia where it turns", fit=force is not None),
-        "damping": positive(2.0 * zeta * omega * mass, f"{unit_f}*s/{u}", "c"),
-        "stiffness": positive(stiffness, f"{unit_f}/{u}", "k"),
-        "rest": _rest(x, rest),
-    }
-    start, scale = begin(x)
-    pushed = f"{force.name} + " if force is not None else ""
-    inputs = [force] if force is not None else []
-    speed = f"{x.name}_speed"
-    states = {
-        x.name: State(start, scale, speed),
-        speed: State(
-            f"0 {u}/s",
-            amount(0.01 * span(x) * omega, f"{u}/s"),
-            f"({pushed}extra_force - damping*{speed} - stiffness*({x.name} - rest))/mass",
-        ),
-    }
-    return Draft(
-        title="Mass on a spring with a damper",
-        equations=("mass * dv/dt = force - damping*v - stiffness*(x - rest)",),
-        inputs=given(inputs),
-        outputs={x.name: reading(x)},
-        states=states,
-        parameters=parameters,
-        slots={"extra_force": (unit_f, "process", "what else acts on the mass"), **sensors([x])},
     )
 
 
@@ -241,14 +107,14 @@ def motor(table: Table) -> Draft:
     }
     start, scale = begin(speed)
     i = current.name if current is not None else "current"
-    loaded = f" - {load.name}" if load is not None else ""
+    loaded = f" - {acting(load)}" if load is not None else ""
     amperes = (
         begin(current) if current is not None else ("0 A", amount(0.01 * span(voltage) / resistance, "A"))
     )
     states = {
         i: State(
             *amperes,
-            f"({voltage.name} + voltage_error - resistance*{i} - motor_constant*{speed.name})/inductance",
+            f"({acting(voltage)} - resistance*{i} - motor_constant*{speed.name})/inductance",
         ),
         speed.name: State(
             start,
@@ -271,7 +137,7 @@ def motor(table: Table) -> Draft:
         constants={"inductance": (amount(1e-3 * resistance, "mH"), "L; too fast to be seen in most data")},
         slots={
             "extra_torque": ("N*m", "process", "what else turns the rotor: friction, a load"),
-            "voltage_error": ("V", "process", "what the winding gets besides the voltage"),
+            **at_inputs(inputs),
             **sensors(outputs),
         },
     )
@@ -313,7 +179,7 @@ def tank(table: Table) -> Draft:
     if not flowing:
         unit = ratio("l/min", pump.interval)
         parameters["pump_gain"] = positive(orifice[1], unit, "flow of the pump")
-    inflow = pump.name if flowing else f"pump_gain*{_driven(pump)}"
+    inflow = acting(pump) if flowing else f"pump_gain*{counted(pump)}"
     for number, level in enumerate(levels, start=1):
         base, hole = f"base_area_{number}", f"orifice_area_{number}"
         if flowing:
@@ -340,12 +206,13 @@ def tank(table: Table) -> Draft:
         outputs={level.name: reading(level) for level in levels},
         states=states,
         parameters=parameters,
-        constants=constants | _zeros([pump]),
+        constants=constants | references([pump]),
         definitions=definitions,
         slots={
             f"leak_{number}": ("l/min", "process", f"into the tank of {level.name} besides")
             for number, level in enumerate(levels, start=1)
         }
+        | at_inputs([pump])
         | sensors(levels),
     )
 
@@ -392,8 +259,8 @@ def heater(table: Table) -> Draft:
     constants = dict[str, tuple[str, str]]()
     if not known:
         constants["rated_power"] = (f"1 {ratio('W', power.unit)}", "measure it")
-    heat = power.name if known else f"rated_power*{power.name}"
-    around = room.name if room is not None else "room"
+    heat = acting(power) if known else f"rated_power*{acting(power)}"
+    around = acting(room) if room is not None else "room"
     coldest = min((float(np.nanmin(b.values)) for b in bodies if b.values.size), default=293.15)
     for body in bodies:
         tag = "" if len(bodies) == 1 else f"_of_{body.name}"
@@ -424,6 +291,7 @@ def heater(table: Table) -> Draft:
             )
             for body in bodies
         }
+        | at_inputs(inputs)
         | sensors(bodies),
     )
 
@@ -455,28 +323,32 @@ def flow(table: Table) -> Draft:
     per = ratio(drop.interval, through.unit)
     squared = ratio(drop.interval, f"({through.unit})^2")
     parameters = {
-        "at_rest": _rest(drop, values[2]),
+        "at_rest": at_rest(drop, values[2]),
         "linear": either(
             values[0], per, 20.0 * span(drop) / span(through), "laminar, or the fall of a pump's curve"
         ),
         "quadratic": either(values[1], squared, 20.0 * span(drop) / span(through) ** 2, "turbulent"),
     }
-    formula = (
-        f"at_rest + linear*{through.name} + quadratic*{through.name}*absolute({through.name}, corner) + loss"
-    )
+    q = acting(through)
+    formula = f"at_rest + linear*{q} + quadratic*{q}*absolute({q}, corner) + loss"
     return Draft(
         title="Pressure over flow",
         equations=("drop = at_rest + linear*Q + quadratic*Q*|Q|",),
-        inputs=given([through]),
+        inputs=given([through], late=False),
         outputs={drop.name: Formula(drop.unit, f"{formula} + {drop.name}_reading")},
         parameters=parameters,
         constants={"corner": (amount(0.005 * span(through), through.unit), "rounds |Q| at zero")},
-        slots={"loss": (drop.interval, "process", "what else drops"), **sensors([drop])},
+        slots={
+            "loss": (drop.interval, "process", "what else drops"),
+            **at_inputs([through], late=False),
+            **sensors([drop]),
+        },
     )
 
 
 def linear(table: Table) -> Draft:
     """``y = offset + Σ gain·u``: what a table without time begins with."""
+    in_time = table.times is not None
     inputs, outputs = chosen(table, "input"), require_outputs(table)
     parameters, shown = dict[str, Parameter](), dict[str, Formula]()
     for y in outputs:
@@ -485,21 +357,21 @@ def linear(table: Table) -> Draft:
             straight(table, y, [u.values for u in inputs]) if y.values.size else [0.0] * (len(inputs) + 1)
         )
         terms = [f"rest{tag}"]
-        parameters[f"rest{tag}"] = _rest(y, float(coefficients[-1]))
+        parameters[f"rest{tag}"] = at_rest(y, float(coefficients[-1]))
         for u, gain in zip(inputs, coefficients[:-1], strict=True):
             name = f"gain_{u.name}{tag}"
             unit = ratio(y.interval, u.interval)
             parameters[name] = either(float(gain), unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}")
-            terms.append(f"{name}*{_driven(u)}")
+            terms.append(f"{name}*{counted(u)}")
         shown[y.name] = Formula(y.unit, f"{' + '.join(terms)} + {y.name}_reading")
     return Draft(
         title="Straight line",
         equations=tuple(f"{y.name} = rest + gain*input" for y in outputs),
-        inputs=given(inputs),
+        inputs=given(inputs, late=in_time),
         outputs=shown,
         parameters=parameters,
-        constants=_zeros(inputs),
-        slots=sensors(outputs),
+        constants=references(inputs),
+        slots=at_inputs(inputs, late=in_time) | sensors(outputs),
     )
 
 
@@ -517,9 +389,14 @@ TEMPLATES: Final[Mapping[str, Template]] = MappingProxyType(
             (("command", "V", "input", 1.0), ("response", "1", "output", 1.0)),
         ),
         "mass-spring-damper": Template(
-            "a position, and a force if there is one",
+            "a position or its sensor's voltage, and a force or the voltage behind it if there is one",
             mass_spring_damper,
             (("applied_force", "N", "input", 10.0), ("position", "mm", "output", 10.0)),
+        ),
+        "driven-mass": Template(
+            "a position on a guide without a spring: an axis, a cart; driven by a force or a voltage",
+            driven_mass,
+            (("applied_force", "N", "input", 10.0), ("position", "mm", "output", 100.0)),
         ),
         "motor": Template(
             "a DC motor: voltage, speed, and current if it is measured",

@@ -8,6 +8,7 @@ import numpy as np
 
 from rigctl.proposal.columns import Column, Table
 from rigctl.proposal.draft import Draft, amount
+from rigctl.proposal.from_columns import duration
 from rigctl.rig.channel import QUANTITIES
 from rigctl.units import parse_unit
 
@@ -19,9 +20,38 @@ def _quoted(text: str) -> str:
     return text if text and set(text) <= _PLAIN and text[0].isalpha() else '"' + text.replace('"', "'") + '"'
 
 
-def family_text(name: str, draft: Draft, source: str) -> str:
+#: most samples of the record on which effects are tried
+_MOST_SAMPLES = 1000
+
+
+def family_text(name: str, draft: Draft, source: str, table: Table) -> str:
     """The family file."""
-    return "\n".join(_family(name, draft, source)) + "\n"
+    return "\n".join([*_family(name, draft, source), *_standard_record(table, draft)]) + "\n"
+
+
+def _standard_record(table: Table, draft: Draft) -> Iterator[str]:
+    """The record on which effects are tried: the inputs within the range of the log, up and down."""
+    given = [c for c in table.columns if c.name in draft.inputs and c.values.size]
+    if table.times is None or not given:
+        return
+    longest = duration(table)
+    rate = min(_rate(table), 1e6)
+    length = min(longest, _MOST_SAMPLES / rate)
+    yield ""
+    yield "# What effects are tried on; it also says how large the inputs are, and that there is a time axis."
+    yield "standard_record:"
+    yield f"  duration: {length:.4g} s"
+    yield f"  rate: {rate:.4g} Hz"
+    yield "  switches:"
+    for at, pick in ((0.0, 0.5), (0.1, 1.0), (0.4, 0.0), (0.7, 0.8)):
+        values = ", ".join(f"{c.name}: {amount(_within(c, pick), c.unit)}" for c in given)
+        yield f"    - {{at: {at * length:.4g} s, set: {{{values}}}}}"
+
+
+def _within(column: Column, share: float) -> float:
+    """A value of a column: `share` of the way from the smallest to the largest."""
+    low, high = np.nanmin(column.values), np.nanmax(column.values)
+    return float(low + share * (high - low))
 
 
 def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
@@ -45,8 +75,8 @@ def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
         "inputs",
         "What is commanded, or measured and given from outside: a channel or an actuator of the same name.",
         {
-            key: {"value": value, "meaning": _quoted(meaning)}
-            for key, (value, meaning) in draft.inputs.items()
+            key: {"value": one.value, "hold": one.hold, "delay": one.delay, "meaning": _quoted(one.meaning)}
+            for key, one in draft.inputs.items()
         },
     )
     yield from _part(
@@ -119,7 +149,7 @@ def rig_text(name: str, table: Table, draft: Draft, family: str) -> str:
 
 def actuated(table: Table) -> list[Column]:
     """The inputs that are commands."""
-    return [c for c in table.columns if c.role == "input" and (c.stepped or not c.values.size)]
+    return [c for c in table.columns if c.role == "input" and c.origin == "commanded"]
 
 
 def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
@@ -134,6 +164,10 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
     for column in channels:
         known = column.name in draft.outputs or column.name in draft.inputs
         yield f"  {column.name}:" + ("" if known else "    # the family says nothing of it")
+        if column.origin == "unclear":
+            yield "    # An input: measured, as here, or commanded? The log does not tell. A command is known"
+            yield "    # exactly, has no noise and is never smoothed: it belongs under 'actuators', as"
+            yield f"    # 'rigctl family new … --commanded {column.name}' writes it."
         yield f"    unit: {_quoted(column.unit)}"
         yield f"    quantity: {quantity_of(column.unit)}"
         scatter = _scatter(column, table)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -46,14 +48,28 @@ def new(
     template: Annotated[
         str | None,
         typer.Option(
-            help="Kind of model: first-order, second-order, mass-spring-damper, motor, tank, "
-            "heater, flow or linear.",
+            help="Kind of model: first-order, second-order, mass-spring-damper, driven-mass, motor, tank, "
+            "heater, flow or linear; by default the simplest of first-order, second-order, driven-mass and "
+            "linear that explains the data.",
             show_default=False,
         ),
     ] = None,
     inputs: Annotated[
         list[str] | None,
         typer.Option("--input", metavar="COLUMN", help="Column that is an input; repeatable."),
+    ] = None,
+    commanded: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="COLUMN",
+            help="Input that is commanded, and so known exactly: an actuator; repeatable.",
+        ),
+    ] = None,
+    measured: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="COLUMN", help="Input that is measured, and may have noise: a channel; repeatable."
+        ),
     ] = None,
     outputs: Annotated[
         list[str] | None,
@@ -66,6 +82,14 @@ def new(
         list[str] | None,
         typer.Option(metavar="COLUMN=UNIT", help="Unit of a column without one; repeatable."),
     ] = None,
+    dates: Annotated[str | None, typer.Option(metavar="ORDER", help="As for 'rigctl import'.")] = None,
+    times: Annotated[str | None, typer.Option(metavar="POLICY", help="As for 'rigctl import'.")] = None,
+    missing: Annotated[
+        list[str] | None, typer.Option(metavar="MARK", help="As for 'rigctl import'; repeatable.")
+    ] = None,
+    encoding: Annotated[str | None, typer.Option(help="As for 'rigctl import'.")] = None,
+    delimiter: Annotated[str | None, typer.Option(metavar="SIGN", help="As for 'rigctl import'.")] = None,
+    decimal: Annotated[str | None, typer.Option(metavar="SIGN", help="As for 'rigctl import'.")] = None,
     fit: Annotated[
         bool, typer.Option("--fit/--no-fit", help="Fit the draft to the data once, and plot both.")
     ] = True,
@@ -74,19 +98,22 @@ def new(
     """Write draft family, rig, procedure and model files for editing; nothing is overwritten.
 
     From a file of measurements it determines which columns are inputs (constant except for steps, imposed
-    from outside, or leading all others) and which are outputs, and estimates starting values of the
-    parameters. Without --template every output is a first-order lag of the inputs.
+    from outside, or leading all others) and which are outputs, whether an input is commanded or measured, and
+    estimates starting values of the parameters. A file that 'rigctl import' would refuse is refused, and
+    nothing is written.
 
     Example: rigctl family new motor --csv log.csv --template motor
 
+    Example: rigctl family new damper --csv log.csv --measured velocity
+
     Example: rigctl family new oven --template heater
     """
-    from rigctl.cli.commands.first_fit import first_fit
     from rigctl.cli.plans import read_assignments
+    from rigctl.dataset.importing.options import Options, checked_choices
     from rigctl.project import find_file, find_project
     from rigctl.proposal.columns import read_columns
     from rigctl.proposal.propose import empty_table, find_template, propose
-    from rigctl.proposal.roles import with_roles
+    from rigctl.proposal.roles import StatedRoles, with_roles
 
     if csv is None and template is None:
         raise RigctlError("nothing to begin with", expected="--csv FILE, --template NAME, or both")
@@ -96,24 +123,23 @@ def new(
     if csv is None:
         table = empty_table(template or "")
     else:
+        choices = {
+            "dates": dates,
+            "times": times,
+            "encoding": encoding,
+            "delimiter": delimiter,
+            "decimal": decimal,
+        }
+        options = Options(missing=tuple(missing or ()), **checked_choices(choices))
+        stated = StatedRoles(inputs or (), outputs or (), leave or (), commanded or (), measured or ())
         units = read_assignments(unit or (), "--unit")
-        table = with_roles(read_columns(find_file(csv), units), inputs or (), outputs or (), leave or ())
+        table = with_roles(read_columns(find_file(csv), units, options), stated)
     proposal = propose(called, table, template)
     root = find_project().root
-    # files name each other from the project's root: without a project they would not be found
-    marker = mark_project(root)
-    written = [*_write(root, proposal.files), *([marker] if marker is not None else [])]
-    try:
-        _check(root, proposal)
-    except RigctlError:
-        for path in written:
-            path.unlink()
-        raise
-    arguments = import_arguments(table)
-    tried = None
-    if csv is not None:
-        tried = first_fit(proposal, root, arguments, fit=fit)
-    document = _document(proposal, written, arguments, tried)
+    with _written(root, proposal) as written:
+        tried = _tried(proposal, root, fit=fit)
+    again = _again(csv, template, inputs, commanded, measured, outputs, leave, unit, import_options(table))
+    document = _document(proposal, written, again, tried)
     if as_json:
         from rigctl.files.write import to_json
 
@@ -133,6 +159,25 @@ def _name(written: str) -> str:
     if name in FAMILIES:
         raise RigctlError("there is a model family of this name already", value=name, expected="another name")
     return name
+
+
+@contextmanager
+def _written(root: Path, proposal: Proposal) -> Iterator[list[Path]]:
+    """The drafted files, which every command can read; on an error in the block none of them remains."""
+    folders = [folder for folder in {(root / name).parent for name in proposal.files} if not folder.exists()]
+    written = _write(root, proposal.files)
+    # files name each other from the project's root: without a project they would not be found
+    marker = mark_project(root)
+    written += [marker] if marker is not None else []
+    try:
+        _check(root, proposal)
+        yield written
+    except RigctlError:
+        for path in written:
+            path.unlink()
+        for folder in folders:
+            folder.rmdir()
+        raise
 
 
 def _write(root: Path, files: Mapping[str, str]) -> list[Path]:
@@ -167,6 +212,28 @@ def _check(root: Path, proposal: Proposal) -> None:
     load_model(root / proposal.model)
 
 
+def _tried(proposal: Proposal, root: Path, *, fit: bool) -> FirstFit | None:
+    """The first fit to the imported file, which is not kept; None without a file.
+
+    Raises
+    ------
+    RigctlError
+        `rigctl import` refuses the file.
+    """
+    from rigctl.cli.commands.first_fit import first_fit
+    from rigctl.dataset.importing import import_file
+    from rigctl.rig import load_rig
+
+    table = proposal.table
+    if table.path is None:
+        return None
+    with tempfile.TemporaryDirectory(prefix="rigctl-") as folder:
+        rig = load_rig(root / proposal.rig)
+        columns = import_arguments(table)
+        done = import_file(table.path, rig, Path(folder), columns=columns, options=table.options)
+        return first_fit(proposal, root, done.path, fit=fit)
+
+
 def import_arguments(table: Table) -> list[str]:
     """The option `--columns` of `rigctl import` for the file."""
     omitted = {column.theirs for column in table.columns if column.role == "left out"}
@@ -174,15 +241,58 @@ def import_arguments(table: Table) -> list[str]:
     return [*renamed, *(f"{theirs}=-" for theirs in sorted(omitted))]
 
 
-def _commands(proposal: Proposal, arguments: Sequence[str]) -> list[str]:
+def import_options(table: Table) -> str:
+    """The other options of `rigctl import` for the file, each with a space before it."""
+    options = table.options
+    chosen = {
+        "times": None if options.times == "refuse" else options.times,
+        "dates": options.dates,
+        "encoding": options.encoding,
+        "delimiter": options.delimiter,
+        "decimal": options.decimal,
+    }
+    written = "".join(f" --{key} {_quoted(text)}" for key, text in chosen.items() if text is not None)
+    return written + "".join(f" --missing {_quoted(mark)}" for mark in options.missing)
+
+
+def _quoted(text: str) -> str:
+    return text if re.fullmatch(r"[\w./:+-]+", text) else f'"{text}"'
+
+
+def _again(
+    csv: Path | None,
+    template: str | None,
+    inputs: Iterable[str] | None,
+    commanded: Iterable[str] | None,
+    measured: Iterable[str] | None,
+    outputs: Iterable[str] | None,
+    leave: Iterable[str] | None,
+    unit: Iterable[str] | None,
+    reading: str,
+) -> str:
+    """The options of this command for the same file with another template."""
+    repeated = {
+        "input": inputs,
+        "commanded": commanded,
+        "measured": measured,
+        "output": outputs,
+        "leave": leave,
+        "unit": unit,
+    }
+    text = "".join(
+        f" --{option} {_quoted(value)}" for option, values in repeated.items() for value in values or ()
+    )
+    return "" if csv is None else f"--csv {_quoted(csv.as_posix())}{text}{reading}"
+
+
+def _commands(proposal: Proposal) -> list[str]:
     """Show the next commands."""
     commands = []
-    if proposal.table.path is not None:
-        columns = "".join(f' --columns "{text}"' for text in arguments)
-        copies = " --times drop" if proposal.table.copies else ""
-        commands.append(
-            f"rigctl import {proposal.table.path.as_posix()} --rig {proposal.rig}{columns}{copies}"
-        )
+    table = proposal.table
+    if table.path is not None:
+        columns = "".join(f' --columns "{text}"' for text in import_arguments(table))
+        path = _quoted(table.path.as_posix())
+        commands.append(f"rigctl import {path} --rig {proposal.rig}{columns}{import_options(table)}")
         commands.append(f"rigctl compare latest --model {proposal.model}")
     commands.append(f"rigctl simulate {proposal.procedure}")
     commands.append(f"rigctl effects list --slots --family {proposal.family}")
@@ -190,8 +300,9 @@ def _commands(proposal: Proposal, arguments: Sequence[str]) -> list[str]:
 
 
 def _document(
-    proposal: Proposal, written: Iterable[Path], arguments: Sequence[str], tried: FirstFit | None
+    proposal: Proposal, written: Iterable[Path], again: str, tried: FirstFit | None
 ) -> dict[str, Any]:
+    other = tried.other_template(proposal) if tried is not None else None
     return {
         "name": proposal.name,
         "template": proposal.template,
@@ -207,13 +318,17 @@ def _document(
                 "unit": column.unit,
                 "unit_stated": column.stated,
                 "role": column.role,
+                "origin": column.origin if column.role == "input" else None,
                 "reason": column.reason,
             }
             for column in proposal.table.columns
         ],
         "fit": None if tried is None else tried.document(),
         "plot": None if tried is None or tried.plot is None else str(tried.plot),
-        "next": _commands(proposal, arguments),
+        "other": None
+        if other is None
+        else f"rigctl family new {proposal.name}_{other.replace('-', '_')} {again} --template {other}",
+        "next": _commands(proposal),
     }
 
 
@@ -228,13 +343,31 @@ def _show(document: Mapping[str, Any], tried: FirstFit | None) -> None:
                 if column["unit"] != "1" or column["unit_stated"]
                 else "none; give it with --unit"
             )
-            listed.add_row(column["theirs"], column["role"], unit, column["reason"])
+            role = {"commanded": "input, commanded", "measured": "input, measured", "unclear": "input"}.get(
+                column["origin"] or "", column["role"]
+            )
+            listed.add_row(column["theirs"], role, unit, column["reason"])
         console().print(listed)
+    echo(f"template: {document['template']}")
     for path in document["files"]:
         echo(f"  {path}")
-    if tried is not None:
-        for line in tried.lines():
-            echo(line)
+    for line in tried.lines() if tried is not None else ():
+        echo(line)
+    for line in _questions(document["columns"]):
+        echo(line)
+    if document["other"] is not None:
+        echo(f"Another template explains more: {document['other']}")
     echo("Edit these files; 'rigctl check FILE' says what is wrong with one.")
     for index, command in enumerate(document["next"]):
         echo(f"{'Next: ' if index == 0 else '      '}{command}")
+
+
+def _questions(columns: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """What only the user knows of the inputs."""
+    for column in columns:
+        if column["origin"] == "unclear":
+            option = f'--commanded "{column["theirs"]}"'
+            yield (
+                f"Is {column['theirs']} a command, and so known exactly, or measured? The log does not tell. "
+                f"It is drafted as measured; {option} makes it a command, --measured confirms the draft"
+            )

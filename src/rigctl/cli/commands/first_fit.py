@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,10 @@ if TYPE_CHECKING:
     from rigctl.report.plot import Panel, Trace
 
 
+#: a first fit that explains less of an output is no model of it yet
+ENOUGH = 0.9
+
+
 @dataclass(frozen=True)
 class FirstFit:
     """The result of the first fit.
@@ -27,6 +30,7 @@ class FirstFit:
     Attributes
     ----------
     rmse: of each output, in its unit; `span` is the output's range.
+    explained: of each output, the share of its variance, R².
     problem: why there is no fit; "" if there is one.
     """
 
@@ -34,81 +38,88 @@ class FirstFit:
     rmse: Mapping[str, float] = field(default_factory=dict)
     span: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    explained: Mapping[str, float] = field(default_factory=dict)
     problem: str = ""
 
     def lines(self) -> list[str]:
         """Lines for the terminal."""
         texts = [
             f"first fit: {name} within {f'{significant(value, 3)} {self.units[name]}'.strip()} (RMSE), "
-            f"{value / self.span[name]:.1%} of its range"
+            f"{value / self.span[name]:.1%} of its range; explains {self.explained[name]:.0%} of its variance"
             for name, value in self.rmse.items()
             if self.span[name] > 0.0
+        ]
+        texts += [
+            f"Warning: the first fit explains only {share:.0%} of {name}. This is not yet a model of it"
+            for name, share in self.explained.items()
+            if share < ENOUGH
         ]
         texts += [f"no first fit: {self.problem}"] if self.problem else []
         return texts + ([f"drawn in {self.plot}"] if self.plot is not None else [])
 
+    def other_template(self, proposal: Proposal) -> str | None:
+        """A template that is worth the next try, where this one explains too little."""
+        if not self.explained or min(self.explained.values()) >= ENOUGH:
+            return None
+        left = 1.0 - sum(self.explained.values()) / len(self.explained)
+        return proposal.suggestion.better_than(proposal.template, left)
+
     def document(self) -> dict[str, Any]:
         """For programs."""
         outputs = {
-            name: {"rmse": value, "unit": self.units[name], "range": self.span[name]}
+            name: {
+                "rmse": value,
+                "unit": self.units[name],
+                "range": self.span[name],
+                "explained": self.explained[name],
+            }
             for name, value in self.rmse.items()
         }
         return {"outputs": outputs, "problem": self.problem or None}
 
 
-def first_fit(proposal: Proposal, root: Path, columns: Sequence[str], *, fit: bool) -> FirstFit:
-    """Import the file outside the project's runs, fit the model, and plot; the run is not kept."""
+def first_fit(proposal: Proposal, root: Path, run: Path, *, fit: bool) -> FirstFit:
+    """Fit the model to the run of its log, and plot both."""
     result, problem = None, "" if fit else "not asked for"
     if fit:
         try:
-            result = _fitted(proposal, root, columns)
+            result = _fitted(proposal, root, run)
         except RigctlError as error:
             problem = str(error)
     plot = _draw(proposal, root, result)
     if result is None:
         return FirstFit(plot, problem=problem)
-    rmse, span, units = {}, {}, {}
+    rmse, span, units, explained = {}, {}, {}, {}
     for index, name in enumerate(result.problem.measurements.outputs):
         column = proposal.table.column(name)
-        errors = _errors(result, index)
+        errors, readings = _errors(result, index)
         if errors.size:
             between = parse_unit(column.interval)
             rmse[name] = between.from_si(float(np.sqrt(np.mean(errors**2))))
             span[name] = between.from_si(float(np.nanmax(column.values) - np.nanmin(column.values)))
             units[name] = column.interval if column.interval != "1" else ""
-    return FirstFit(plot, rmse, span, units)
+            explained[name] = 1.0 - float(np.mean(errors**2) / np.var(readings)) if np.ptp(readings) else 0.0
+    return FirstFit(plot, rmse, span, units, explained)
 
 
-def _errors(result: FitResult, index: int) -> np.ndarray:
+def _errors(result: FitResult, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """The errors of an output, and its readings."""
     records = result.problem.measurements.records
-    errors = [
-        record.values[:, index] - prediction[:, index]
-        for record, prediction in zip(records, result.outputs, strict=True)
-    ]
-    together = np.concatenate(errors)
-    return np.asarray(together[np.isfinite(together)])
+    readings = np.concatenate([record.values[:, index] for record in records])
+    errors = readings - np.concatenate([prediction[:, index] for prediction in result.outputs])
+    here = np.isfinite(errors)
+    return np.asarray(errors[here]), np.asarray(readings[here])
 
 
-def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult:
+def _fitted(proposal: Proposal, root: Path, run: Path) -> FitResult:
     from rigctl.analysis.fitting import fit_to_data, read_runs
     from rigctl.cli.progress import progress_display
     from rigctl.dataset import open_run
-    from rigctl.dataset.importing import Options, import_file
     from rigctl.model import load_model
-    from rigctl.rig import load_rig
 
-    table = proposal.table
-    if table.path is None:
-        raise RigctlError("there are no data")
-    rig = load_rig(root / proposal.rig)
-    with (
-        tempfile.TemporaryDirectory(prefix="rigctl-") as folder,
-        progress_display("the files are there") as on_progress,
-    ):
-        options = Options(times="drop" if table.copies else "refuse")
-        done = import_file(table.path, rig, Path(folder), columns=columns, options=options)
+    with progress_display("the files are there") as on_progress:
         model = load_model(root / proposal.model)
-        data = read_runs(model, [open_run(done.path)], on_progress=on_progress)
+        data = read_runs(model, [open_run(run)], on_progress=on_progress)
         return fit_to_data(model, data, on_progress=on_progress)
 
 

@@ -44,7 +44,7 @@ def at_input(family: ModelFamily, role: Given, sizes: Magnitudes) -> Iterator[Ef
     if not is_point_on_scale(role.input):  # 0 K is not a neutral value from which it could be limited
         yield builder.saturation()
         yield builder.dead_band()
-    if family.states:  # without time there is no delay
+    if family.in_time:
         yield builder.backlash()
         yield builder.lag()
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, Term
 from rigctl.effects.generic.common import (
     ARMSTRONG,
+    BOUC_WEN,
     CORNER,
     beyond,
     either_sign,
@@ -28,7 +29,6 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
 
 _INCROPERA = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer"
-_BOUC = "Bouc (1967); Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249, with n = 1, which is Dahl's friction"
 _FLOW = "White, Fluid Mechanics"
 #: dry friction reverses within this share of the relevant change of a speed: a numerical corner below the
 #: resolution of sensors
@@ -203,7 +203,7 @@ def _hysteresis(at: _At) -> Effect:
         "hysteresis",
         f"A slipping spring opposes {name}: Bouc-Wen hysteresis.",
         f"w = −F·z, dz/dt = ({name} − |{name}|·z)/s",
-        _BOUC,
+        BOUC_WEN,
         lambda m, p: at.against(p.size * p.bending),
         (
             one_sign("size", at.unit, 0.05 * at.size, "F, when it slips"),

@@ -16,6 +16,7 @@ WIDE = 1e4
 #: width of the rounded corner of a threshold, as a share of a range
 CORNER = 0.003
 ARMSTRONG = "Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994) 1083"
+BOUC_WEN = "Bouc (1967); Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249, with n = 1, which is Dahl's friction"
 SENSORS = "Doebelin, Measurement Systems: Application and Design"
 
 
@@ -35,6 +36,12 @@ def shown_quotient(above: str, *below: str) -> str:
             plain = unit if unit.isalpha() else f"({unit})"
             written += f"/{plain}" + (f"^{count}" if count > 1 else "")
     return quotient(above, *below) if parse_unit(written).dimension.dimensionless else written
+
+
+def shown_product(first: str, second: str) -> str:
+    """``first*second`` in the given units, or their SI unit if it has no dimension."""
+    dimension = parse_unit(first).dimension * parse_unit(second).dimension
+    return si_unit_of(dimension) if dimension.dimensionless or "/" in first else f"{first}*{second}"
 
 
 def placed(

@@ -15,6 +15,8 @@ from rigctl.units import parse_unit
 
 #: range of a state, as a multiple of its relevant change
 _CHANGES = 300.0
+#: of a record without states: how many samples a change that shows may take
+_SAMPLES = 10.0
 
 
 class Magnitudes:
@@ -55,8 +57,10 @@ class Magnitudes:
 
     @property
     def shortest(self) -> float:
-        """The shortest of all states' times, 1 s if there are none."""
-        return min((self.time(state.name) for state in self._family.states), default=1.0)
+        """The shortest of all states' times; without states some samples of the standard record, else 1 s."""
+        record = self._family.standard_record
+        samples = 1.0 if record is None else _SAMPLES * float(record.times[1] - record.times[0])
+        return min((self.time(state.name) for state in self._family.states), default=samples)
 
     def reading(self, name: str) -> float:
         """The magnitude of a reading at the family's start, 0 if it has none."""

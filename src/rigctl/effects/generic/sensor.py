@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own, Term
 from rigctl.effects.generic.common import (
+    BOUC_WEN,
     CORNER,
     SENSORS,
     beyond,
@@ -14,6 +15,7 @@ from rigctl.effects.generic.common import (
     placed,
     shape,
     share,
+    shown_product,
     shown_quotient,
     sign,
 )
@@ -22,6 +24,7 @@ from rigctl.effects.generic.slot_roles import (
     Reading,
     counted_from,
     is_point_on_scale,
+    is_speed,
     point_of_reference,
 )
 from rigctl.effects.lag import deviation_rate, reading_error
@@ -40,7 +43,7 @@ def at_reading(family: ModelFamily, role: Reading, sizes: Magnitudes) -> Iterato
     """The effects that may act at a reading: of the reading, or of the settings if there is no time."""
     builder = _EffectBuilder(family, role, sizes)
     yield builder.offset()
-    if family.states:
+    if family.in_time:
         yield builder.drift()
     if role.slopes:
         yield builder.gain()
@@ -49,6 +52,8 @@ def at_reading(family: ModelFamily, role: Reading, sizes: Magnitudes) -> Iterato
         yield builder.hysteresis()
     for name in role.inputs:
         yield from builder.with_input(name)
+        if family.in_time and not family.states:
+            yield builder.hysteresis_with_input(name)
 
 
 class _EffectBuilder:
@@ -76,6 +81,7 @@ class _EffectBuilder:
         confused: tuple[str, ...] = (),
         needs: str | None = None,
         of: str = "",
+        source: str = SENSORS,
     ) -> Effect:
         label, sensor = self.role.label, self.role.slot.kind == "sensor"
         ending = f"_{'of' if sensor else 'on'}_{label}" + (f"_with_{of}" if of else "")
@@ -86,7 +92,7 @@ class _EffectBuilder:
             ending,
             summary=summary,
             equation=equation,
-            source=SENSORS,
+            source=source,
             looks_like=looks_like,
             term=lambda m, p: self._signed(term(m, p)),
             parameters=parameters,
@@ -298,6 +304,51 @@ class _EffectBuilder:
             f"There is no error up to a limit of {name}; beyond it the error increases.",
             confused=("quadratic", "gain"),
             of=name,
+        )
+
+    def hysteresis_with_input(self, name: str) -> Effect:
+        """Bouc-Wen hysteresis over an input: over its path, or over the path that a speed covers."""
+        item = {item.name: item for item in self.family.inputs}[name]
+        unit, speed = interval_unit(item.shown or item.unit), is_speed(item)
+        span, time = self.sizes.input(name), self.sizes.shortest
+        reach = span * time if speed else span
+        behind = 0.01 * time  # an input has no derivative: it is that of a fast follower
+
+        def pace(m: Scope, p: Own) -> Scalar:
+            return m[name] if speed else (m[name] - p.follower) / m.constant(behind, "s")
+
+        def rate(m: Scope, p: Own) -> Scalar:
+            u = pace(m, p)
+            size = u * sign(u, constant_like(1e-3 * reach / time, u))
+            return (u - size * (p.bending + p.side)) / p.distance
+
+        path, slope = (f"∫{name} dt", name) if speed else (name, f"d{name}/dt")
+        follower = EffectState(
+            "follower", item.unit, CORNER * span, pace, f"{name}, with its derivative", start=item.value
+        )
+        bending = EffectState("bending", "1", 0.1, rate, "z less where it began, z from −1 to 1")
+        return self.effect(
+            "hysteresis",
+            f"A part of {self.role.label} depends on the direction of {path}: Bouc-Wen hysteresis.",
+            f"w = F·z, dz/dt = ({slope} − |{slope}|·z)/s",
+            lambda m, p: p.size * (p.bending + p.side),
+            (
+                either_sign("size", self.interval, 0.05 * self.span, "F, when it slips"),
+                shape(
+                    "distance",
+                    shown_product(unit, "s") if speed else unit,
+                    0.1 * reach,
+                    "s, over which it is bent before it slips",
+                    grid=(0.001 * reach, 0.01 * reach, reach),
+                ),
+                shape("side", "1", 0.0, "z where a record begins", grid=(-1.0, 1.0), low=-1.0, high=1.0),
+            ),
+            f"The same {name} gives different values after rising and after falling.",
+            states=(bending,) if speed else (follower, bending),
+            confused=("gain",),
+            needs="reversals",
+            of=name,
+            source=BOUC_WEN,
         )
 
     def _above(self, m: Scope) -> Scalar:

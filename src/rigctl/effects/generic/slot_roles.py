@@ -322,6 +322,11 @@ def is_point_on_scale(item: InputVariable) -> bool:
     return _is_one_of(item.unit, ("K",)) and not item.difference
 
 
+def is_speed(item: InputVariable) -> bool:
+    """Whether an input is a speed, along a path or around an axis."""
+    return _is_one_of(item.unit, ("m/s",)) or is_speed_of_rotation(item.unit)
+
+
 def point_of_reference(item: InputVariable) -> float | None:
     """The reference of shares of an input, SI: for an absolute temperature its default value, not 0 K."""
     return item.value if is_point_on_scale(item) and item.value else None

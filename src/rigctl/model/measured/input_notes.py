@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from rigctl.model.inputs import input_sources
 from rigctl.model.measured.assumed import input_unit
 from rigctl.model.measured.excitation import Acting
-from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.measured.input_floor import measured_noise
+from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.measured.smoothing import smoothed, window_of
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
