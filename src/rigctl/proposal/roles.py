@@ -14,6 +14,7 @@ import numpy as np
 
 from rigctl.errors import RigctlError
 from rigctl.proposal.columns import Column, Floats, Origin, Role, Table
+from rigctl.proposal.responses import driven_mass_response
 
 #: a command stays the same over at least this share of its samples
 _HELD: Final = 0.9
@@ -39,6 +40,8 @@ _PAST: Final = range(3, 11)
 #: share of a column's changes that those of another one explain, of columns that drive each other
 _RELATED: Final = 0.3
 _REACH: Final = 20
+#: share of a position that a push leaves unexplained, if it is its push
+_MOVED: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -272,7 +275,9 @@ def _require_input(columns: Sequence[Column], table: Table, roles: Mapping[str, 
         return
     outputs = [column for column in columns if column.role == "output"]
     for one, other in combinations(outputs, 2):
-        if roles.get(one.name) == roles.get(other.name) == "output" or not _related(one, other, table):
+        if roles.get(one.name) == roles.get(other.name) == "output":
+            continue
+        if not _related(one, other, table) and not _moves(one, other, table):
             continue
         names = [column.theirs for column in outputs]
         options = " or ".join(f'--input "{name}"' for name in names)
@@ -298,6 +303,12 @@ def _related(one: Column, other: Column, table: Table) -> bool:
     chance = len(shifts) / target.size
     total = float(target @ target)
     return total > 0.0 and 1.0 - float(rest @ rest) / total > _RELATED + chance
+
+
+def _moves(one: Column, other: Column, table: Table) -> bool:
+    """Whether a column is the position of a mass that the other pushes: its bend follows, not its change."""
+    found = [driven_mass_response(table, x, [u]) for x, u in ((one, other), (other, one))]
+    return any(response is not None and response.unexplained < _MOVED for response in found)
 
 
 def _require_change(columns: Sequence[Column]) -> None:
