@@ -17,7 +17,7 @@ from rigctl.clock import VirtualClock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
-from tclab_board import MemoryPort, Sketch
+from tclab_board import VERSION, MemoryPort, Sketch
 
 TCLAB = load_rig(shipped("rigs", "tclab-board.yaml"))
 
@@ -190,7 +190,56 @@ def test_unsolicited_lines_are_discarded_and_reported_in_a_note(board: Board) ->
     board.port.send_unasked(b"\xff\x00garbage\r\n12.5\r\n")
     samples = board.samples(3)
     assert all(290.0 < value < 300.0 for sample in samples for value in sample.values)
-    assert board.messages("note") == ["2 lines that nobody asked for"]
+    (note,) = board.messages("note")
+    assert note.startswith("2 lines that nobody asked for: ")
+    assert "garbage" in note
+    assert "'12.5'" in note
+
+
+@pytest.mark.parametrize("moment", ["between", "before the answer", "instead of the answer"])
+def test_a_greeting_that_nobody_asked_for_is_a_restart(board: Board, moment: str) -> None:
+    """Its outputs are those it starts with, whatever was commanded: contact counts as lost meanwhile."""
+    board.bench.start(2.0)
+    board.samples(2)
+    board.bench.command("heater_1", 0.6).wait()
+    board.samples(1)
+    board.sketch.reset()
+    greeting = f"{VERSION}\r\n".encode()
+    if moment == "between":
+        board.port.send_unasked(greeting)
+    else:
+        board.sketch.odd["T1"] = greeting + b"23.0\r\n" * (moment == "before the answer")
+    samples = [board.bench.next_sample(5.0) for _ in range(4)]
+    assert samples[-1] is not None
+    assert samples[-1].commands == (0.0, 0.0)
+    notices = board.bench.take_notices()
+    assert any("has restarted: it sent 'TCLab Firmware" in notice.message for notice in notices)
+    (gap,) = [notice for notice in notices if notice.kind == "gap"]
+    assert gap.fields["switched_off"] == ["heater_1"]
+
+
+def test_an_identity_that_was_asked_for_and_comes_late_is_no_restart(board: Board) -> None:
+    board.bench.start(0.5)
+    board.samples(1)
+    for delay in (0.7, 0.6):
+        board.port.delay = delay  # longer than the timeout: the line is resynchronised by the identity
+        board.bench.next_sample(8.0)
+        board.port.delay = 0.01
+        board.samples(3)
+    assert not any("restarted" in notice.message for notice in board.bench.take_notices())
+
+
+def test_an_output_is_read_back_before_it_is_commanded_again(board: Board) -> None:
+    """A loop commands at each sample, its output is read once a second: a restart in between is seen."""
+    board.bench.start(2.0)
+    for level in (0.5, 0.51, 0.52):
+        board.bench.command("heater_1", level).wait()
+        board.samples(1)
+    board.sketch.reset()
+    board.bench.command("heater_1", 0.53)
+    with pytest.raises(BackendLost, match="the device has set heater_1 to 0 % by itself"):
+        for _ in range(4):
+            board.bench.next_sample(1.0)
 
 
 def test_a_query_with_a_corrupt_answer_is_repeated_after_resynchronisation(board: Board) -> None:

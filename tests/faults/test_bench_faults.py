@@ -71,7 +71,8 @@ def test_a_noisy_position_is_detected(do: Do) -> None:
 
 def test_an_open_thermocouple_stops_the_heating(do: Do) -> None:
     done = breaks(do, HEATING, "sensor_open:oil_temperature@10 min")
-    assert "the thermocouple has come loose" in done.result.reason
+    assert "oil_temperature is 1024 degC, above the limit of 90 degC" in done.result.reason
+    assert "that is impossible, the sensor or its line may be broken" in done.result.reason
     assert done.result.duration < 602.0
 
 
@@ -144,7 +145,8 @@ def test_a_record_with_its_own_cleanup_is_also_measured_again(do: Do) -> None:
 
 
 def test_without_retries_a_short_gap_is_noted_and_a_long_one_fails_the_run(do: Do) -> None:
-    short = do(STROKES, options={"faults": ["samples_stop@5 s..5.1 s"]})
+    lenient = STROKES.replace("rate: 100 Hz", "rate: 100 Hz, most_missing: 10 %")
+    short = do(lenient, options={"faults": ["samples_stop@5 s..5.1 s"]})
     assert short.result.status == "finished"
     assert len(short.events("gap")) == 1
-    assert do(STROKES, options={"faults": ["samples_stop@5 s..8 s"]}).result.status == "failed"
+    assert do(lenient, options={"faults": ["samples_stop@5 s..8 s"]}).result.status == "failed"

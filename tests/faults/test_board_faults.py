@@ -178,7 +178,7 @@ def test_missing_sequence_numbers_are_recorded_as_gaps(board: BoardWorkshop, scr
         return [line]
 
     script.arriving = leaky
-    done = board.run(STROKES)
+    done = board.run(STROKES.replace("rate: 100 Hz", "rate: 100 Hz, most_missing: 10 %"))
     assert done.result.status == "finished", done.result.reason
     assert between > 40
     assert sum(event["samples"] for event in done.events("gap")) == pytest.approx(between, abs=3)

@@ -225,3 +225,20 @@ def test_a_loop_for_a_board_is_warned_of_on_a_bench_without_one(previewed: See, 
     assert [str(where) for where, _ in seen.warnings] == ["test.yaml:3:5"] * bool(said)
     assert all(said in message and "'where: auto'" in message for _, message in seen.warnings)
     assert previewed(LOOP.replace("where: board", "where: auto"), on=rig).warnings == ()
+
+
+def test_the_reading_at_the_start_counts_for_a_limit(previewed: See) -> None:
+    """The rod begins at 0 mm, 3 mm from the limit below which it has slipped."""
+    uses = {
+        use.name: use
+        for use in previewed("steps:\n  - set_pressure: 30 bar\n  - extend: {to: 100 mm}\n").limits
+    }
+    assert uses["position_slips"].closest == pytest.approx(0.0)
+    assert uses["position_slips"].state == "clear"
+
+
+@pytest.mark.parametrize(("within", "warned"), [("0.05 K", True), ("0.5 K", False)])
+def test_a_tolerance_below_the_noise_is_a_warning(previewed: See, within: str, warned: bool) -> None:
+    found = previewed(f"steps:\n  - heat: {{to: 21 degC, within: {within}, settle: 10 s}}\n").warnings
+    text = "the tolerance is smaller than its noise of 0.1 K and its converter step of 0.25 K"
+    assert any(text in message for _, message in found) == warned

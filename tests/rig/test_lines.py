@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from datetime import date
 
 import pytest
 
 from rigctl.errors import RigctlError
-from rigctl.rig import parse_rig
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig, parse_rig
 
 DEVICE = """\
 name: oven
@@ -107,3 +109,10 @@ def test_the_schema_offers_its_fields() -> None:
     validator.validate(document)
     document["backend"]["lines"]["queries"][0]["reply"] = 5
     assert not validator.is_valid(document)
+
+
+def test_an_output_that_nothing_reads_back_is_a_warning() -> None:
+    rig = load_rig(shipped("rigs", "tclab-board.yaml"))
+    assert not any("reads" in text for text in rig.warnings(date(2026, 10, 1)))
+    blind = parse_rig(rig.text.replace('      - {send: R2, reply: "{heater_2}", every: 1 s}\n', ""))
+    assert any("nothing reads heater_2 back" in text for text in blind.warnings(date(2026, 10, 1)))

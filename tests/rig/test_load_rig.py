@@ -167,7 +167,7 @@ MISTAKES = [
     (
         "rate_above: 5 bar/s",
         "rate_above: 5 bar",
-        "17:42: rate_above: wrong dimension, got '5 bar'; expected a qu",
+        "17:42: rate_above: wrong dimension, got '5 bar'; expected a change per second, e.g. '5 bar/s'",
     ),
     (
         "action: warn",

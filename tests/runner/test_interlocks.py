@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.rig import Limit, Rig, load_rig
+from rigctl.errors import RigctlError
+from rigctl.rig import Limit, Rig, load_rig, parse_rig
 from rigctl.runner.interlocks import REARM, Alarm, Interlocks
 
 SHIPPED = load_rig(Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml")
@@ -48,8 +49,70 @@ def test_a_limit_trips_once_after_its_persistence(rig: Rig) -> None:
 
 def test_single_samples_outside_a_limit_do_not_trip_it(rig: Rig) -> None:
     locks = Interlocks(rig)
-    rows = [row(0.1 * i, pressure=61e5 if i % 2 else 30e5) for i in range(50)]
+    rows = [row(0.1 * i, pressure=61e5 if i % 4 == 3 else 30e5) for i in range(50)]
     assert [alarm for alarm in feed(locks, rows) if alarm.action == "stop"] == []
+
+
+def test_a_limit_trips_where_every_second_sample_is_outside(rig: Rig) -> None:
+    """The pressure swings about its limit, or one sensor in two is believed: neither is within the limit."""
+    rows = [row(0.01 * i, pressure=61e5 if i % 2 else 30e5) for i in range(50)]
+    alarms = [alarm for alarm in feed(Interlocks(rig), rows) if alarm.action == "stop"]
+    assert [alarm.name for alarm in alarms] == ["over_pressure"]
+    assert alarms[0].time <= 0.15  # 50 ms in total within 100 ms
+    assert "in 5 of the last" in alarms[0].message or "in 6 of the last" in alarms[0].message
+
+
+@pytest.mark.parametrize("impossible", [math.nan, math.inf, -math.inf, 1e8, -6e33])
+@pytest.mark.parametrize("every", [2, 3, 4])
+@pytest.mark.parametrize("rate", [2.0, 10.0, 100.0])
+def test_an_intermittent_sensor_does_not_blind_its_limit(
+    rig: Rig, impossible: float, every: int, rate: float
+) -> None:
+    locks = Interlocks(rig)
+    rows = [
+        row(i / rate, pressure=impossible if i % every == 0 else 61e5) for i in range(1, int(20.0 * rate))
+    ]
+    stops = [alarm for alarm in feed(locks, rows) if alarm.action == "stop"]
+    assert stops[0].name == "over_pressure"
+    assert stops[0].time <= max(0.15, 4.0 / rate)
+
+
+def test_a_reading_beyond_all_that_is_possible_exceeds_the_limit_before_it(rig: Rig) -> None:
+    """That it may be the sensor is no reason to wait longer than for a smaller excess."""
+    high = rig.channels["supply_pressure"].band[1] + 1e5
+    alarms = feed(Interlocks(rig), [row(0.01 * i, pressure=high) for i in range(10)])
+    assert [alarm.name for alarm in alarms] == ["over_pressure"]
+    assert alarms[0].time == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("every", [2, 3, 4])
+@pytest.mark.parametrize("rate", [0.5, 2.0, 10.0, 100.0])
+def test_a_sensor_that_fails_again_and_again_is_broken(rig: Rig, every: int, rate: float) -> None:
+    """One plausible reading in between does not make it whole."""
+    rows = [row(i / rate, oil=WARM if i % every else math.nan) for i in range(1, int(60.0 * rate))]
+    alarms = [alarm for alarm in feed(Interlocks(rig), rows) if alarm.action == "stop"]
+    assert [alarm.name for alarm in alarms] == ["oil_temperature sensor"]
+    assert alarms[0].time <= max(5.0 * rig.stale_after, 20.0 / rate)
+    assert "gives no value: sensor or line broken, as in" in alarms[0].message
+
+
+def test_a_reading_that_fails_now_and_then_is_no_broken_sensor(rig: Rig) -> None:
+    rows = [row(0.1 * i, oil=WARM if i % 8 else math.nan) for i in range(1, 600)]
+    assert feed(Interlocks(rig), rows) == []
+
+
+def test_a_limit_without_a_break_asks_for_it(rig: Rig) -> None:
+    text = rig.text.replace("for: 50 ms", "for: 50 ms\n    out_of: 50 ms")
+    assert text != rig.text
+    rows = [row(0.02 * i, pressure=30e5 if i % 3 == 2 else 61e5) for i in range(500)]
+    assert "over_pressure" in [alarm.name for alarm in feed(Interlocks(rig), rows)]
+    alarms = feed(Interlocks(parse_rig(text)), rows)
+    assert [alarm.name for alarm in alarms if alarm.action == "stop"] == []
+
+
+def test_the_time_in_which_a_limit_adds_up_is_no_shorter_than_the_time_that_it_takes(rig: Rig) -> None:
+    with pytest.raises(RigctlError, match="'out_of' is the time in which 'for' has to add up"):
+        parse_rig(rig.text.replace("for: 50 ms", "for: 50 ms\n    out_of: 20 ms"))
 
 
 def test_rounding_of_times_does_not_delay_the_end_of_the_persistence(rig: Rig) -> None:
@@ -151,6 +214,8 @@ def test_arming_is_refused_without_waiting_for_persistence(rig: Rig) -> None:
     assert [alarm.name for alarm in locks.check_arming(rows)] == ["oil_too_hot"]
     assert locks.check_arming([row(0.0, oil=HOT), row(0.1)]) == []
     assert [a.name for a in locks.check_arming([row(0.0, position=math.nan)])] == ["position sensor"]
+    loose = [row(0.1 * i, oil=HOT if i % 2 else math.nan) for i in range(5)]
+    assert {a.name for a in locks.check_arming(loose)} == {"oil_temperature sensor", "oil_too_hot"}
 
 
 def test_silence_trips_once_and_again_after_samples_resume(rig: Rig) -> None:
@@ -211,7 +276,7 @@ def test_a_reading_that_stays_exactly_the_same_is_a_stuck_sensor() -> None:
     moving = [row(float(i), oil=WARM + 0.25 * (i // 9 % 2)) for i in range(90)]
     assert feed(standstill(), moving) == []
     gaps = [row(float(i), oil=math.nan if i % 9 == 8 else WARM) for i in range(90)]
-    assert [alarm.name for alarm in feed(standstill(), gaps)] == []
+    assert [alarm.name for alarm in feed(standstill(), gaps)] == ["thermometer_stuck"]
 
 
 def test_a_stuck_sensor_is_cleared_by_its_first_change_and_can_trip_again() -> None:

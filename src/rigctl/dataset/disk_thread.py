@@ -97,12 +97,12 @@ class BackgroundWriter:
         """Store a value with the open record, or with the run."""
         self._put(lambda writer: writer.measure(value))
 
-    def close_record(self, time: float, outcome: str) -> None:
+    def close_record(self, time: float, outcome: str, missing: float = 0.0) -> None:
         """End the open record."""
         if self._record < 0:
             raise ValueError("no record is open")
         self._record = -1
-        self._put(lambda writer: writer.close_record(time, outcome))
+        self._put(lambda writer: writer.close_record(time, outcome, missing))
 
     def warnings(self) -> list[str]:
         """Return the warnings about the disk since the last call."""

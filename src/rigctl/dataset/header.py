@@ -52,7 +52,7 @@ class RunHeader:
     started: calendar time (with its zone) at which the run's time is zero.
     plan_digest: hash of the expanded plan, which is compared before a run is resumed.
     arguments: arguments of the procedure.
-    calibrations: by channel, as in the rig file.
+    calibrations: by channel, as in the rig file, with its possible range.
     source: ``bench`` for a run that was carried out, ``import`` for imported data.
     device: the device under test: ``serial_number``, ``part``, ``notes``.
     assumed: SI values, by name, of inputs that were not recorded and are known to have been constant.
@@ -147,8 +147,9 @@ def source_of_rig(rig: Rig) -> Source:
 
 
 def calibrations_of(rig: Rig) -> dict[str, dict[str, Any]]:
-    """Return the sensor data of every channel as plain data: quantity, converter, calibration, noise."""
+    """Return the sensor data of every channel as plain data: quantity, converter, calibration, noise,
+    range."""
     return {
-        name: channel.model_dump(mode="json", include={"quantity", "raw", "calibration", "noise"})
+        name: channel.model_dump(mode="json", include={"quantity", "raw", "calibration", "noise", "range"})
         for name, channel in rig.channels.items()
     }

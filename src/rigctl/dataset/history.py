@@ -26,7 +26,8 @@ _KILLED: Final = "the program that carried it out ended without closing the run"
 class RecordEntry:
     """One record according to the log; times in s of the run, `end` None if it is not in the log.
 
-    `rows` is its number of samples, None if it is not in the log.
+    `rows` is its number of samples and `missing` the largest share that it lacks, of its samples or of the
+    readings of a channel; None if they are not in the log.
     """
 
     index: int
@@ -39,6 +40,7 @@ class RecordEntry:
     end: float | None = None
     outcome: str = INTERRUPTED
     rows: int | None = None
+    missing: float | None = None
     measures: dict[str, MeasuredValue] = field(default_factory=dict)
 
 
@@ -205,6 +207,7 @@ class _Reader:
         self._add_unlogged(line["record"] + 1, time)
         if self._open is not None and self._open.index == line["record"]:
             self._open.end, self._open.rows = time, line.get("rows")
+            self._open.missing = line.get("missing")
             if self._open.outcome != DAMAGED:
                 self._open.outcome = line["outcome"]
         self._open = None
@@ -214,7 +217,8 @@ class _Reader:
         target = self._history.records[index].measures if index >= 0 else self._history.measures
         facts = {key: line[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
         later = {"typed": line.get("typed", False), "path": line.get("path") or ""}  # not in older logs
-        value = MeasuredValue(value=_number(line["value"]), **facts, **later)
+        missing = float(line.get("missing", 0.0))
+        value = MeasuredValue(value=_number(line["value"]), **facts, **later, missing=missing)
         target[line["name"]] = value
         self._history.taken.append(TakenMeasure(time, index, value))
 

@@ -42,7 +42,8 @@ class Judged:
         """The value and its limits: ``travel is 80 mm, expected at least 90 mm``."""
         value = self.taken.value
         statement = "has no value" if math.isnan(value.value) else f"is {self._shown(value.value)}"
-        return f"{value.name} {statement}, expected {self._limits()}"
+        without = f" without {100.0 * value.missing:.2g} % of the readings" if value.missing else ""
+        return f"{value.name} {statement}{without}, expected {self._limits()}"
 
     def _limits(self) -> str:
         low, high = self.taken.value.low, self.taken.value.high
@@ -104,7 +105,8 @@ def taken_in(run: Run) -> list[TakenMeasure]:
 def _taken(time: float, path: str, fields: Mapping[str, Any]) -> TakenMeasure:
     facts = {key: fields[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
     value = math.nan if fields["value"] is None else float(fields["value"])
-    measured = MeasuredValue(value=value, **facts, typed=fields.get("typed", False), path=path)
+    later = {"typed": fields.get("typed", False), "missing": float(fields.get("missing", 0.0))}
+    measured = MeasuredValue(value=value, **facts, **later, path=path)
     return TakenMeasure(time, int(fields["record"]), measured)
 
 

@@ -18,7 +18,18 @@ if TYPE_CHECKING:
 RECORDS: Final = "records.parquet"
 EVENTS: Final = "events.parquet"
 #: columns of every records.parquet, followed by those of the run
-FIXED: Final = ("record", "name", "path", "rate", "session", "start", "end", "outcome", "excluded")
+FIXED: Final = (
+    "record",
+    "name",
+    "path",
+    "rate",
+    "session",
+    "start",
+    "end",
+    "outcome",
+    "missing",
+    "excluded",
+)
 
 
 @dataclass(frozen=True)
@@ -58,9 +69,10 @@ def records_table(records: Sequence[RecordEntry], excluded: Mapping[int, str]) -
         "start": (pa.float64(), [entry.start for entry in records]),
         "end": (pa.float64(), [entry.end for entry in records]),
         "outcome": (pa.string(), [entry.outcome for entry in records]),
+        "missing": (pa.float64(), [entry.missing for entry in records]),
         "excluded": (pa.string(), [excluded.get(entry.index) for entry in records]),
     }
-    units = {"rate": "Hz", "start": "s", "end": "s"}
+    units = {"rate": "Hz", "start": "s", "end": "s", "missing": "1"}
     fields = [
         pa.field(name, kind, metadata={"kind": "record", "unit": units.get(name, "")})
         for name, (kind, _) in fixed.items()
@@ -157,6 +169,7 @@ def measured_values(measures: Mapping[str, MeasuredValue]) -> list[dict[str, Any
             "low": shown_value(measured, measured.low),
             "high": shown_value(measured, measured.high),
             "passed": measured.passed,
+            "missing": measured.missing,
         }
         for measured in measures.values()
     ]

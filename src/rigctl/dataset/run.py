@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 #: the stored tables of a run
 _TABLES: Final = ("samples", "records", "events")
+#: error of a conversion to display units and back, as a share of a channel's range
+_ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ class Record:
     Parameters
     ----------
     time: of each sample, shape (n,).
-    channels, commands: values at these times by name, shape (n,) each; NaN for missing values.
+    channels, commands: values at these times by name, shape (n,) each; NaN for missing values, and for
+        readings outside the possible range of their channel.
     switches: exact times of the commands from `start` to `end`.
     sweep: its sweep variables.
     measures: its measures in the procedure.
@@ -266,7 +269,7 @@ class Run:
             index=index,
             **facts,
             time=self._si(table, "time"),
-            channels=_fixed({name: self._si(table, name) for name in self.layout.channels}),
+            channels=_fixed({name: self._possible(table, name) for name in self.layout.channels}),
             commands=_fixed({name: self._si(table, name) for name in self.layout.commands}),
             switches=self._switches_of(index, row["start"], row["end"]),
             sweep=_fixed(_values_si(rows.schema, row, "sweep")),
@@ -319,6 +322,18 @@ class Run:
                 value=str(record),
                 expected=f"0 to {count - 1}" if count else "none, for it has no records",
             )
+
+    def _possible(self, table: pa.Table, name: str) -> NDArray[np.float64]:
+        """Return the readings of a channel in SI, NaN for impossible ones; runs of old have no range."""
+        import numpy as np
+
+        values = self._si(table, name)
+        span = self.header.calibrations.get(name, {}).get("range")
+        if span is None:
+            return values
+        low, high = span
+        slack = _ROUNDING * (high - low)  # of display units
+        return np.where((values >= low - slack) & (values <= high + slack), values, np.nan)
 
     def _si(self, table: pa.Table, name: str) -> NDArray[np.float64]:
         import numpy as np

@@ -53,6 +53,11 @@ def _seconds(value: Any) -> bool:
     return _number(value) and abs(value) < _LONGEST
 
 
+def _ends(value: Any) -> bool:
+    """Whether it is the lower and the upper end of a range."""
+    return isinstance(value, list) and len(value) == 2 and all(map(_number, value)) and value[0] < value[1]
+
+
 def _below(limit: int) -> _Check:
     return lambda value: isinstance(value, int) and not isinstance(value, bool) and -limit <= value < limit
 
@@ -98,6 +103,7 @@ _MEASURE: Final = _fields(
         "low": _or_none(_number),
         "high": _or_none(_number),
         "passed": _or_none(lambda value: isinstance(value, bool)),
+        "missing": _or_none(_number),
     },
 )
 _ANNOTATION: Final = _fields(
@@ -117,7 +123,9 @@ _FIELDS: Final[Mapping[str, _Check]] = {
     "ended": _or_none(_instant),
     "duration": _seconds,
     "layout": _fields(dict.fromkeys(("channels", "commands", "units", "differences"), _NAMES), {}, only=True),
-    "calibrations": _by_name(_fields({}, {"calibration": _or_none(_CALIBRATION)})),
+    "calibrations": _by_name(
+        _fields({}, {"calibration": _or_none(_CALIBRATION), "range": _or_none(_ends)}),
+    ),
     "assumed": _by_name(_number),
     "options": _by_name(lambda _: True),
     "damaged_lines": _each(_below(_LONG)),

@@ -220,13 +220,16 @@ class RunWriter:
         """Store a value with the open record, or with the run if none is open."""
         self.event(max(self._last_row[0], self._last_event), "measure", record=self._record, **asdict(value))
 
-    def close_record(self, time: float, outcome: str) -> None:
-        """End the open record: ``complete``, ``failed``, ``aborted``, …"""
+    def close_record(self, time: float, outcome: str, missing: float = 0.0) -> None:
+        """End the open record: ``complete``, ``failed``, ``aborted``, …
+
+        `missing` is the largest share that it lacks: of its samples, or of the readings of a channel.
+        """
         if self._record < 0:
             raise ValueError("no record is open")
         closed = {"state": "closed", "record": self._record, "outcome": outcome}
         self._record = -1
-        self.event(time, "record", **closed, rows=self._record_rows)
+        self.event(time, "record", **closed, rows=self._record_rows, missing=missing)
         if self._failure is None:
             self.flush(sync=monotonic() >= self._synced + _SYNC_AFTER)
 

@@ -36,8 +36,8 @@ class Amount(float):
         """Return the arguments for copying and unpickling."""
         return float(self), self.unit, self.text
 
-    def check(self, unit: str, *, difference: bool = False) -> None:
-        """Refuse a dimension other than that of `unit`.
+    def check(self, unit: str, *, difference: bool = False, expected: str | None = None) -> None:
+        """Refuse a dimension other than that of `unit`; `expected` describes it in the message.
 
         Raises
         ------
@@ -48,15 +48,16 @@ class Amount(float):
             raise RigctlError(
                 "wrong dimension" if self.unit.text else "the unit is missing",
                 value=self.text,
-                expected=describe(unit, difference=difference),
+                expected=expected or describe(unit, difference=difference),
             )
 
 
 @dataclass(frozen=True)
 class AmountField:
-    """Reads an `Amount`; with `difference`, a temperature is an interval."""
+    """Reads an `Amount`; with `difference`, a temperature is an interval; `per_second`: it is a rate."""
 
     difference: bool = False
+    per_second: bool = False
 
     def read(self, written: object) -> Amount:
         """Return the amount that is written in the file.
@@ -82,6 +83,8 @@ class AmountField:
     ) -> JsonSchemaValue:
         """Describe a text with a number and a unit, or a plain number."""
         examples = ("0.5 K", "0.1 bar") if self.difference else ("30 bar", "100 mm", "40 degC")
+        if self.per_second:
+            examples = ("0.5 K/s", "5 bar/s", "1 %/s")
         return quantity_schema("a quantity", examples, plain=True)
 
 
@@ -89,3 +92,5 @@ class AmountField:
 AnyAmount = Annotated[Amount, AmountField()]
 #: amounts of tolerances, noise and other intervals
 AnyDifference = Annotated[Amount, AmountField(difference=True)]
+#: changes per second
+AnyRate = Annotated[Amount, AmountField(difference=True, per_second=True)]

@@ -6,7 +6,7 @@ Only the runner lets time pass; `rigctl.runner.bench` implements the interface.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol, TypeAlias
@@ -14,6 +14,7 @@ from typing import Protocol, TypeAlias
 from rigctl.expressions import Expression
 from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.plan.measured import MeasuredValue
+from rigctl.plan.missing import Lack
 from rigctl.plan.outcomes import Outcome
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
@@ -149,12 +150,16 @@ class Bench(Protocol):
         """Outside records, sample at no less than `rate` Hz from now on; 0: at the rig file's rate."""
         ...
 
-    def fresh(self) -> Generator[Until, Row | None, Row]:
-        """Return the latest row, or wait for the next one if a command has been sent since."""
+    def fresh(self, names: Collection[str] = ()) -> Generator[Until, Row | None, Row]:
+        """Return the latest row, or wait for the next one if a command has been sent since; or for one in
+        which all channels among `names` have a value."""
         ...
 
     def condition(self, expression: Expression) -> Callable[[Row], object]:
-        """Return a condition on channels, commands, measures and answers as a function of a row."""
+        """Return a condition on channels, commands, measures and answers as a function of a row.
+
+        It does not hold for a row in which one of its channels has no value.
+        """
         ...
 
     def command(
@@ -208,6 +213,10 @@ class Bench(Protocol):
         self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None
     ) -> Mapping[str, float]:
         """Return the statistics by key, the ``duration`` of the stretch, and every value stored so far."""
+        ...
+
+    def lack(self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None) -> Lack:
+        """Return how many readings without a value the statistics leave out, of the worst channel."""
         ...
 
     def record_measure(self, value: MeasuredValue) -> None:

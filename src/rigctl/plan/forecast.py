@@ -34,6 +34,7 @@ class State:
     temperature: float | None
     pressure: float
     position: float
+    levels: Mapping[str, float] = field(default_factory=dict)  #: set so far, by actuator; safe where absent
 
 
 @dataclass(frozen=True, slots=True)

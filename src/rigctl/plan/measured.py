@@ -17,6 +17,7 @@ class MeasuredValue:
     difference: whether it is a temperature interval, shown without offset.
     typed: whether it is an operator's answer: its limits only restrict what may be typed, and test nothing.
     path: path in the plan of the step that produced it; "" if unknown.
+    missing: share of the readings it was taken from that had no value.
     """
 
     name: str
@@ -28,6 +29,7 @@ class MeasuredValue:
     difference: bool = False
     typed: bool = False
     path: str = ""
+    missing: float = 0.0
 
     @property
     def judged(self) -> bool:

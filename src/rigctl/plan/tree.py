@@ -20,6 +20,7 @@ from rigctl.expressions import Expression
 from rigctl.notebook import one_line
 from rigctl.plan.action import Action
 from rigctl.plan.identity import IdentityFields
+from rigctl.plan.missing import MOST_MISSING
 from rigctl.rig import Rig
 
 T = TypeVar("T")
@@ -135,6 +136,7 @@ class RecordNode:
     sweep: Mapping[str, tuple[float, str]]  #: SI value and unit for display, by name
     body: Group
     retries: int = 0  #: permitted number of repetitions after a loss of contact
+    most_missing: float = MOST_MISSING  #: permitted share of missing samples or readings
 
 
 Node: TypeAlias = Group | Leaf | Loop | Branch | RecordNode

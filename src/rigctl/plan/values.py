@@ -218,9 +218,11 @@ PRESSURE_TOLERANCE = Kind("Pa", more_than=0.0, examples=("0.5 bar",))
 LENGTH = Kind("m")
 LENGTH_TOLERANCE = Kind("m", more_than=0.0, examples=("1 mm",))
 COUNT = Kind("1", at_least=0.0, at_most=1e6, whole=True)
+SHARE = Kind("1", at_least=0.0, at_most=1.0, examples=("5 %",))
 SEED = Kind("1", at_least=0.0, at_most=2.0**32 - 1.0, whole=True)
 OPEN = Kind(None)
 OPEN_DIFFERENCE = Kind(None, difference=True, examples=("10 K", "5 bar"))
+OPEN_RATE = Kind(None, difference=True, examples=("10 K/s", "5 bar/s", "1 %/s"))
 OPEN_TOLERANCE = Kind(None, difference=True, more_than=0.0, examples=("0.5 bar",))
 
 Duration = Annotated[Value, DURATION]
@@ -233,7 +235,9 @@ PressureTolerance = Annotated[Value, PRESSURE_TOLERANCE]
 Length = Annotated[Value, LENGTH]
 LengthTolerance = Annotated[Value, LENGTH_TOLERANCE]
 Count = Annotated[Value, COUNT]
+Share = Annotated[Value, SHARE]
 Seed = Annotated[Value, SEED]
 AnyValue = Annotated[Value, OPEN]
 AnyDifference = Annotated[Value, OPEN_DIFFERENCE]
+AnyRate = Annotated[Value, OPEN_RATE]
 AnyTolerance = Annotated[Value, OPEN_TOLERANCE]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,19 +26,24 @@ class LimitUse:
     state: Literal["clear", "approached", "touched", "unknown"]
 
 
-def limits_used(rig: Rig, extents: Extents) -> tuple[LimitUse, ...]:
-    """Every limit on a value with the nearest expected reading; the others cannot be foreseen."""
-    return tuple(_use(rig, name, limit, extents) for name, limit in rig.limits.items() if limit.of_value)
+def limits_used(rig: Rig, extents: Extents, start: Mapping[str, float]) -> tuple[LimitUse, ...]:
+    """Every limit on a value with the nearest expected reading, the one at the start included; the others
+    cannot be foreseen. A limit is approached by steps, not by a bench at rest beside it."""
+    return tuple(
+        _use(rig, name, limit, extents, start) for name, limit in rig.limits.items() if limit.of_value
+    )
 
 
-def _use(rig: Rig, name: str, limit: Limit, extents: Extents) -> LimitUse:
+def _use(rig: Rig, name: str, limit: Limit, extents: Extents, start: Mapping[str, float]) -> LimitUse:
     above = limit.bound == "above"
     bound: Literal["above", "below"] = "above" if above else "below"
     reached = extents.get(limit.channel)
     if reached is None:
         return LimitUse(name, limit.channel, limit.action, bound, limit.threshold, None, "unknown")
-    closest = reached[1] if above else reached[0]
-    margin = limit.threshold - closest if above else closest - limit.threshold
+    by_steps = reached[1] if above else reached[0]
+    at_rest = start.get(limit.channel, by_steps)
+    closest = max(by_steps, at_rest) if above else min(by_steps, at_rest)
+    margin = limit.threshold - by_steps if above else by_steps - limit.threshold
     possible = rig.channels[limit.channel].range
     near = _NEAR * (possible[1] - possible[0]) if possible is not None else 0.0
     state: Literal["clear", "approached", "touched"] = "clear"

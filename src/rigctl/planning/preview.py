@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rigctl.argument_types import checks_argument_types
 from rigctl.errors import Location
 from rigctl.notebook import one_line
 from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode, Visitor
+from rigctl.plan.action import Action
 from rigctl.plan.forecast import Basis, State
 from rigctl.planning.bench import Bench, bench_of, initial_state
 from rigctl.planning.board_loops import not_on_board
 from rigctl.planning.limits import LimitUse, limits_used
 from rigctl.planning.rates import too_fast
+from rigctl.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,8 @@ def preview(plan: Plan) -> Preview:
     roots += [walker.visit_uncounted(block) for block in (plan.on_failure, plan.on_abort) if block]
     if plan.finally_ is not None:
         roots.append(walker.visit(plan.finally_))
-    return Preview(plan, tuple(roots), limits_used(plan.rig, walker.reached), start)
+    known = Preview(plan, tuple(roots), (), start)
+    return replace(known, limits=limits_used(plan.rig, walker.reached, known.start_readings))
 
 
 class _Walker(Visitor[PreviewNode]):
@@ -188,7 +191,8 @@ class _Walker(Visitor[PreviewNode]):
             samples=0,
             warning=expected.warning
             or not_on_board(self.bench.rig, node.action)
-            or too_fast(self.bench.rig, node.action.needed_rate),
+            or too_fast(self.bench.rig, node.action.needed_rate)
+            or too_fine(self.bench.rig, node.action),
         )
 
     def group(self, node: Group, *, counted: bool = True) -> PreviewNode:
@@ -233,6 +237,15 @@ class _Walker(Visitor[PreviewNode]):
             self.state = after_then
         longer = max(then, otherwise, key=lambda side: side.seconds)
         return _sum(node, "branch", [then, otherwise], counting=[longer])
+
+
+def too_fine(rig: Rig, action: Action) -> str | None:
+    """Why the readings of a step's channel cannot settle within its tolerance; None if they can."""
+    wanted = action.set_point()
+    if wanted is None or wanted.within is None:
+        return None
+    why = rig.channels[wanted.channel].too_fine(wanted.within)
+    return f"{wanted.channel}: {why}" if why else None
 
 
 def _sum(

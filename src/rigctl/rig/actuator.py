@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.files.amount import AmountField, AnyAmount, AnyDifference
+from rigctl.files.amount import AmountField, AnyAmount, AnyRate
 from rigctl.files.quantity import Q
 from rigctl.rig.base import Part
 from rigctl.rig.setting import POSITIONS
@@ -36,9 +36,10 @@ class Actuator(Part):
     repeatability: Annotated[float, Q("1", low="0 %")] | None = Field(
         default=None, description="relative standard deviation of a repeated setting of a level"
     )
-    max_rate: AnyDifference | None = Field(
+    max_rate: AnyRate | None = Field(
         default=None,
-        description="fastest change of a level that a waveform or a control loop may command, e.g. 5 bar/s",
+        description="fastest change of a level that a step may command: 'set' then takes its time; the safe "
+        "state is still commanded at once",
     )
     min_interval: Annotated[float, Q("s", low="0 s")] = Field(
         default=0.0, description="shortest time between two switching operations"

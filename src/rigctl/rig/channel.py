@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import cached_property
 from typing import Literal, TypeAlias
 
@@ -12,7 +13,7 @@ from rigctl.files.amount import AnyAmount, AnyDifference
 from rigctl.rig.base import Part
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
 from rigctl.rig.stated_noise import StatedNoise
-from rigctl.units import Unit, interval_unit, parse_unit
+from rigctl.units import Unit, interval_unit, parse_unit, show
 
 #: measurable quantities, each with a unit of its dimension; for "other" the unit determines the dimension
 QUANTITIES: dict[str, str | None] = {
@@ -91,7 +92,14 @@ class Channel(Part):
         description="standard deviation of a reading, or its parts: {white: 0.1 K, slow: 0.3 K, over: 60 s}",
     )
     range: tuple[AnyAmount, AnyAmount] | None = Field(
-        default=None, description="the physically possible range; a value outside means a broken sensor"
+        default=None,
+        description="the physically possible range: a reading outside is no value, and a sensor that gives "
+        "none for `stale_after`, or in a fifth of its readings, is broken",
+    )
+    counts_up: bool = Field(
+        default=False,
+        description="a clock or counter of the device that only grows: a smaller reading means that the "
+        "device has restarted, and its outputs with it",
     )
     difference: bool = Field(
         default=False, description="a temperature difference, converted without an offset"
@@ -161,8 +169,23 @@ class Channel(Part):
         half = 0.5 * self.raw.step
         return abs(self.value_from_raw(middle + half) - self.value_from_raw(middle - half))
 
-    def possible(self, value: float) -> bool:
-        """Return whether an SI value is in the physically possible range; False for NaN."""
+    def too_fine(self, within: float) -> str | None:
+        """Return why readings cannot be held within ± `within`, SI; None if they can."""
+        reasons = [
+            f"its {what} of {show(size, self.unit, difference=True)}"
+            for what, size in (("noise", self.noise_level), ("converter step", self.resolution))
+            if within < size
+        ]
+        return "the tolerance is smaller than " + " and ".join(reasons) if reasons else None
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """The physically possible range, SI, both ends included; without one, every finite number."""
         if self.range is None:
-            return value == value  # noqa: PLR0124 - NaN is the only value that differs from itself
-        return self.range[0] <= value <= self.range[1]
+            return -sys.float_info.max, sys.float_info.max
+        return float(self.range[0]), float(self.range[1])
+
+    def possible(self, value: float) -> bool:
+        """Return whether an SI value is in the physically possible range; False for NaN and infinity."""
+        low, high = self.band
+        return low <= value <= high

@@ -17,7 +17,7 @@ from rigctl.rig.opcua_checks import node_problems
 from rigctl.rig.problem import Problem
 from rigctl.rig.rig import Rig
 from rigctl.rig.stated_noise import StatedNoise
-from rigctl.units import parse_unit
+from rigctl.units import interval_unit, parse_unit
 
 #: reserved names in expressions and tables
 RESERVED = frozenset(
@@ -87,6 +87,14 @@ def _amount(
 ) -> Iterator[Problem]:
     if amount is not None:
         yield from _refused(keys, lambda: amount.check(unit, difference=difference))
+
+
+def _rate(keys: tuple[str | int, ...], amount: Amount | None, unit: str) -> Iterator[Problem]:
+    """Check a change per second of something that is shown in `unit`; of degC, that is K/s."""
+    if amount is not None:
+        per_second = f"{interval_unit(unit) or '1'}/s"
+        example = f"a change per second, e.g. '5 {per_second}'"
+        yield from _refused(keys, lambda: amount.check(per_second, difference=True, expected=example))
 
 
 def _reading(keys: tuple[str | int, ...], amount: Amount, channel: Channel) -> Iterator[Problem]:
@@ -210,7 +218,7 @@ def _actuators(rig: Rig) -> Iterator[Problem]:
             if not bad_unit:
                 yield from _amount((*keys, "low"), actuator.low, unit)
                 yield from _amount((*keys, "high"), actuator.high, unit)
-                yield from _amount((*keys, "max_rate"), actuator.max_rate, f"{unit}/s")
+                yield from _rate((*keys, "max_rate"), actuator.max_rate, unit)
                 if actuator.max_rate is not None and not actuator.max_rate > 0.0:
                     error = RigctlError("max_rate: nothing could move", expected="more than 0")
                     yield Problem((*keys, "max_rate"), error)
@@ -262,7 +270,7 @@ def _limits(rig: Rig) -> Iterator[Problem]:
         if not limit.of_rate:
             yield from _reading((*keys, limit.bound), bound, rig.channels[limit.channel])
             continue
-        yield from _amount((*keys, limit.bound), bound, f"{unit}/s" if unit not in ("", "1") else "1/s")
+        yield from _rate((*keys, limit.bound), bound, unit)
 
 
 def _safe_state(rig: Rig) -> Iterator[Problem]:
@@ -323,6 +331,19 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
             f"the device has no watchdog of its own: {', '.join(driven)} would stay on if this computer "
             "dies; its guard, a process on this computer, acts when rigctl alone does"
         )
+    if unread := _unread(rig):
+        yield (
+            f"nothing reads {', '.join(unread)} back: a restart of the device, or another program's command, "
+            f"may go unnoticed; a query with '{{{unread[0]}}}' in its answer would show it"
+        )
+
+
+def _unread(rig: Rig) -> list[str]:
+    """Return the driven outputs whose state no query reads back."""
+    if rig.lines is None:
+        return []
+    read = {place for query in rig.lines.queries for place in query.places}
+    return [name for name, part in rig.actuators.items() if part.by == "driven" and name not in read]
 
 
 def doubtful_calibrations(rig: Rig, today: date) -> Iterator[tuple[str, str]]:

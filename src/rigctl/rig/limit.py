@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 
 from rigctl.errors import RigctlError
-from rigctl.files.amount import AnyAmount, AnyDifference
+from rigctl.files.amount import AnyAmount, AnyRate
 from rigctl.files.quantity import Q
 from rigctl.files.refusal import refusal
 from rigctl.rig.base import Part
@@ -18,8 +18,9 @@ _BOUNDS = ("above", "below", "rate_above", "rate_below", "unchanged")
 class Limit(Part):
     """One bound of one channel: on its value, its rate of change over the last `over` seconds, or standstill.
 
-    It trips when the bound is exceeded for longer than `for`, or when the reading has stayed exactly the same
-    for `unchanged`, and then warns, or stops the run.
+    It trips when the bound has been exceeded for `for`, without a break or in total within `out_of`, or when
+    the reading has stayed exactly the same for `unchanged`, and then warns, or stops the run. A reading
+    outside the channel's `range` is no value: it is neither inside a limit nor outside.
     """
 
     model_config = ConfigDict(
@@ -29,10 +30,8 @@ class Limit(Part):
     channel: str
     above: AnyAmount | None = Field(default=None, description="trips when the value is larger")
     below: AnyAmount | None = Field(default=None, description="trips when the value is smaller")
-    rate_above: AnyDifference | None = Field(default=None, description="trips when it rises faster")
-    rate_below: AnyDifference | None = Field(
-        default=None, description="trips when it falls faster (negative)"
-    )
+    rate_above: AnyRate | None = Field(default=None, description="trips when it rises faster")
+    rate_below: AnyRate | None = Field(default=None, description="trips when it falls faster (negative)")
     unchanged: Annotated[float, Q("s", positive=True)] | None = Field(
         default=None,
         description="trips when the reading stays exactly the same for this long: a stuck sensor",
@@ -46,6 +45,11 @@ class Limit(Part):
     )
     for_: Annotated[float, Q("s", low="0 s")] = Field(
         default=0.0, alias="for", description="duration before it trips"
+    )
+    out_of: Annotated[float, Q("s", positive=True)] | None = Field(
+        default=None,
+        description="the time within which it may add up to `for`; by default twice `for`; no more than "
+        "`for`: without a break",
     )
     action: Literal["warn", "stop"] = Field(default="stop", description="action on tripping")
     message: str = Field(default="", description="message for the operator")
@@ -62,6 +66,15 @@ class Limit(Part):
             )
         if self.unchanged is not None and self.for_ > 0.0:
             raise refusal(RigctlError("'unchanged' has its own duration", expected="no 'for' beside it"))
+        if self.out_of is not None and not 0.0 < self.for_ <= self.out_of:
+            raise refusal(
+                RigctlError(
+                    "'out_of' is the time in which 'for' has to add up",
+                    value=f"{self.for_:g} s out of {self.out_of:g} s",
+                    expected="a 'for' that is not longer, e.g. 'for: 0.5 s' with 'out_of: 1 s'",
+                ),
+                ("out_of",),
+            )
         return self
 
     @property
@@ -76,6 +89,11 @@ class Limit(Part):
     def threshold(self) -> float:
         """The bound in SI; per s for a rate, in s for `unchanged`."""
         return float(getattr(self, self.bound))
+
+    @property
+    def window(self) -> float:
+        """The time in which durations outside add up to `for`, s."""
+        return 2.0 * self.for_ if self.out_of is None else self.out_of
 
     @property
     def of_value(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -15,6 +15,7 @@ from rigctl.expressions import Expression, ValueType, type_of_unit
 from rigctl.plan.behaviour import Answer, OnPause, Pulse, Question, Row, Until, Waiting, every_sample
 from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.plan.measured import MeasuredValue
+from rigctl.plan.missing import Lack
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
 from rigctl.runner.operator import Operator
@@ -134,25 +135,28 @@ class Bench:
 
     # --- reading -----------------------------------------------------------------------------------------
 
-    def fresh(self) -> Generator[Until, Row | None, Row]:
+    def fresh(self, names: Collection[str] = ()) -> Generator[Until, Row | None, Row]:
         """The newest row, or the next one if a command has been given since: the present state of the
-        bench."""
-        if self.newest is not None and self.newest[0] >= self._changed:
-            return self.newest
-        row: Row | None = None
-        while row is None:
-            row = yield Until(when=every_sample)
+        bench. Nothing is decided without a value: it waits until all channels among `names` have one."""
+        known = self._known_in(names)
+        row = self.newest if self.newest is not None and self.newest[0] >= self._changed else None
+        while row is None or not known(row):
+            row = yield Until(when=known)
         return row
 
     def condition(self, expression: Expression) -> Callable[[Row], object]:
-        """A condition over channels, commands, measures and answers as a function of a row."""
-        known = tuple(sorted(expression.names & self.values.keys()))
-        names = (*self.rig.layout.columns, *known)
-        compiled = expression.compile(self._types, names)
-        if not known:
-            return compiled
-        constants = tuple(self.values[name] for name in known)
-        return lambda row: compiled((*row, *constants))
+        """A condition over channels, commands, measures and answers as a function of a row; it does not hold
+        where one of its channels has no value."""
+        known = self._known_in(expression.names)
+        kept = tuple(sorted(expression.names & self.values.keys()))
+        compiled = expression.compile(self._types, (*self.rig.layout.columns, *kept))
+        constants = tuple(self.values[name] for name in kept)
+        return lambda row: compiled((*row, *constants)) and known(row)
+
+    def _known_in(self, names: Collection[str]) -> Callable[[Row], bool]:
+        """Whether all channels among `names` have a value, as a function of a row."""
+        columns = tuple(self.columns[name] for name in names if name in self.rig.channels)
+        return lambda row: not any(math.isnan(row[column]) for column in columns)
 
     def keep(self, name: str, value: float, unit: str, *, difference: bool = False) -> None:
         """Make a value available by name to later conditions and measures."""
@@ -169,6 +173,10 @@ class Bench:
     ) -> Mapping[str, float]:
         """Statistics by key, the stretch's ``duration``, and every value kept so far."""
         return {**self.values, **self.history.statistics(wanted, stretch, window, self.now)}
+
+    def lack(self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None) -> Lack:
+        """How many readings without a value the statistics leave out, of the worst channel."""
+        return self.history.lack(wanted, stretch, window, self.now)
 
     # --- commanding --------------------------------------------------------------------------------------
 
@@ -387,6 +395,15 @@ class Bench:
             self._keep_watch()
         except RigctlError as error:
             self.event("fault", f"the bench could not be asked for fewer samples: {error}")
+
+    @property
+    def driven(self) -> set[str]:
+        """The driven actuators that are, or may be, commanded off their safe values."""
+        return {
+            name
+            for name, value in {**self.commanded, **self.doubtful}.items()
+            if self.rig.actuators[name].by == "driven" and value != self.safe_value(name)
+        }
 
     @property
     def unconfirmed(self) -> str | None:

@@ -14,6 +14,8 @@ from functools import partial
 from typing import Literal
 
 from rigctl.rig import Channel, Limit, Rig
+from rigctl.rig.possible_readings import PossibleReadings
+from rigctl.runner.persistence import Persistence
 from rigctl.units import show
 
 #: a latched alarm can be raised again only after this many seconds without its cause
@@ -28,6 +30,10 @@ _RETURN = 5.0
 _NOISE_SAMPLES = 32
 _NOISE_MASK = (1 << _NOISE_SAMPLES) - 1
 _NOISE_FACTOR = 20.0
+
+#: window in which readings without a value add up, in multiples of the time after which a sensor that gives
+#: none at all is broken: a fifth of the readings is too many
+_SENSOR_WINDOW = 5.0
 
 #: fewest equal readings that count as a standstill
 _SAME_READINGS = 5
@@ -50,14 +56,14 @@ class Alarm:
 
 @dataclass(slots=True)
 class Watch:
-    """One band for one signal; trips when the signal is outside for `persistence` seconds.
+    """One band for one signal; trips when the signal has been outside for long enough, see `Persistence`.
 
     Parameters
     ----------
     column: index of the channel in a row.
     low, high: the band, SI, both ends included; of the rate per second when `window` is given.
     window: s over which a rate of change is taken; None for the value itself.
-    missing: whether a missing value (NaN) counts as outside.
+    missing: whether a missing value (NaN) counts as outside; otherwise it changes nothing.
     describe: the message for a value outside.
     """
 
@@ -66,12 +72,11 @@ class Watch:
     column: int
     low: float
     high: float
-    persistence: float
+    persistence: Persistence
     action: Literal["warn", "stop"]
     describe: Callable[[float], str]
     window: float | None = None
     missing: bool = False
-    outside_since: float | None = None
     inside_since: float | None = None
     raised: Alarm | None = None
     excess: float = 0.0  #: exceedance of the newest value outside, SI
@@ -83,20 +88,33 @@ class Watch:
             return False
         return self.missing or not math.isnan(value)
 
+    def reading(self, read: float, possible: float) -> float:
+        """What it takes for a reading: nothing for an impossible one, unless that alone would trip it.
+
+        A loose wire that reads -50 degC is no proof that the oil is not too hot; a pressure beyond everything
+        that was thought possible is too high all the same.
+        """
+        return read if self.outside(read) else possible
+
     @property
     def calm(self) -> bool:
         """True if nothing is pending: a value inside the band needs no further check."""
-        return self.outside_since is None and self.raised is None
+        return self.raised is None and self.persistence.calm
 
-    def update(self, time: float, value: float) -> Alarm | None:
-        """Take the next sample; returns an alarm if the sample raises or clears one."""
+    def take(self, read: Sequence[float], possible: Sequence[float]) -> Alarm | None:
+        """Take the next row, as read and without its impossible readings; returns an alarm if it raises or
+        clears one."""
+        time, column = read[0], self.column
         if self.window is not None:
-            value = self._rate(time, value)
+            return self._update(time, self._rate(time, possible[column]))
+        return self._update(time, self.reading(read[column], possible[column]))
+
+    def _update(self, time: float, value: float) -> Alarm | None:
         if math.isnan(value) and not self.missing:
             return None
         if self.outside(value):
             return self._outside(time, value)
-        self.outside_since = None
+        self.persistence.inside(time)
         if self.raised is None:
             return None
         return self._inside(time, value)
@@ -104,11 +122,14 @@ class Watch:
     def _outside(self, time: float, value: float) -> Alarm | None:
         self.inside_since = None
         self.excess = max(value - self.high, self.low - value)
-        if self.outside_since is None:
-            self.outside_since = time
-        if self.raised is not None or time - self.outside_since < self.persistence - _SLACK:
+        persists = self.persistence.outside(time)
+        if self.raised is not None or not persists:
             return None
-        self.raised = Alarm(time, self.name, self.channel, self.action, self.describe(value), value)
+        message = self.describe(value)
+        if not self.persistence.unbroken(time):
+            outside, readings = self.persistence.share
+            message += f", as in {outside} of the last {readings} readings"
+        self.raised = Alarm(time, self.name, self.channel, self.action, message, value)
         return self.raised
 
     def _inside(self, time: float, value: float) -> Alarm | None:
@@ -154,7 +175,7 @@ class Return:
         """Take the next sample, which the watch has processed; `driven`: an output is on again that was on
         when the limit tripped."""
         watch = self.watch
-        if watch.raised is None or watch.outside_since is None or not driven:
+        if watch.raised is None or watch.persistence.since is None or not driven:
             self._before, self._count = math.inf, 0
             return None
         if not self._count:
@@ -230,7 +251,9 @@ class Standstill:
         """Take the next row; returns an alarm if it raises or clears one."""
         time, value = row[0], row[self.column]
         on = self.command is None or abs(row[self.command] - self.safe) > 0.0
-        if value != self.value or not on:  # a missing value differs from itself
+        if math.isnan(value) and on:  # says nothing: a stuck sensor whose line fails now and then is stuck
+            return None
+        if value != self.value or not on:
             self.value, self.since, self.readings = value, time, 1
             if self.raised is None:
                 return None
@@ -245,20 +268,22 @@ class Standstill:
 
 
 class Interlocks:
-    """Every watch of a rig. Rows are ``(time, record, *channels, *commands)``, SI."""
+    """Every watch of a rig. Rows are ``(time, record, *channels, *commands)``, SI, as read.
+
+    An impossible reading is no value: it is not inside a limit, see `Watch.reading`.
+    """
 
     def __init__(self, rig: Rig) -> None:
         columns = {name: index for index, name in enumerate(rig.layout.columns)}
+        self._possible = PossibleReadings(rig)
         self._stale_after = rig.stale_after
-        self._watches = [*_of_ranges(rig, columns), *_of_limits(rig, columns)]
-        self._rates = [watch for watch in self._watches if watch.window is not None]
-        self._values = [watch for watch in self._watches if watch.window is None]
+        limits = _of_limits(rig, columns)
+        self._rates = [watch for watch in limits if watch.window is not None]
+        self._values = [*_of_ranges(rig, columns), *(watch for watch in limits if watch.window is None)]
         self._bands = _narrowest(self._values)
         self._noise = _disturbances(rig, columns)
         self._still = _standstills(rig, columns)
-        self._returns = [
-            Return(watch) for watch in self._watches if watch.action == "stop" and not watch.missing
-        ]
+        self._returns = [Return(watch) for watch in limits if watch.action == "stop"]
         self._safe = [
             (columns[name], float(rig.safe_state.get(name, 0.0)))
             for name, actuator in rig.actuators.items()
@@ -269,7 +294,7 @@ class Interlocks:
         self._driving: dict[int, float] | None = None
         self._silent = False
 
-    def check(self, row: Sequence[float]) -> Sequence[Alarm]:
+    def check(self, row: tuple[float, ...]) -> Sequence[Alarm]:
         """The alarms that this row raises or clears; almost always none."""
         alarms = self._check(row)
         if self._driving is not None:
@@ -289,32 +314,44 @@ class Interlocks:
             if row[column] != safe
         }
 
-    def _check(self, row: Sequence[float]) -> Sequence[Alarm]:
+    def _check(self, row: tuple[float, ...]) -> Sequence[Alarm]:
         """Check a row, without the exceptions for cleanup after a trip."""
         self._silent = False
+        inside = all(low <= row[column] <= high for column, low, high in self._bands)
+        possible = row if inside else self._possible.of(row)
         noisy = [
-            alarm for watch in self._noise if (alarm := watch.update(row[0], row[watch.column])) is not None
+            alarm
+            for watch in self._noise
+            if (alarm := watch.update(row[0], possible[watch.column])) is not None
         ]
         if self._still:
-            noisy += [alarm for watch in self._still if (alarm := watch.update(row)) is not None]
-        if not self._busy:
-            for column, low, high in self._bands:
-                if not low <= row[column] <= high:
-                    break
-            else:
-                return noisy + self._update(self._rates, row) if self._rates else noisy
-        alarms = self._update(self._watches, row)
+            noisy += [alarm for watch in self._still if (alarm := watch.update(possible)) is not None]
+        if inside and not self._busy:
+            rates = [alarm for watch in self._rates if (alarm := watch.take(row, row)) is not None]
+            return noisy + rates if rates else noisy
+        alarms = [
+            alarm
+            for watch in (*self._values, *self._rates)
+            if (alarm := watch.take(row, possible)) is not None
+        ]
         self._busy = not all(watch.calm for watch in self._values)
         return noisy + alarms
 
-    def check_arming(self, rows: Sequence[Sequence[float]]) -> list[Alarm]:
-        """The alarms that forbid arming: limits with action stop that are exceeded in every one of `rows`."""
+    def check_arming(self, rows: Sequence[tuple[float, ...]]) -> list[Alarm]:
+        """The alarms that forbid arming: a sensor without a value in most of `rows`, and a limit with action
+        stop that is exceeded in most of those with a value."""
+        possible = [self._possible.of(row) for row in rows]
         alarms = []
         for watch in self._values:
-            if watch.action == "stop" and rows and all(watch.outside(row[watch.column]) for row in rows):
-                time, value = rows[-1][0], rows[-1][watch.column]
-                message = watch.describe(value)
-                alarms.append(Alarm(time, watch.name, watch.channel, "stop", message, value))
+            column = watch.column
+            read = [
+                watch.reading(row[column], ours[column]) for row, ours in zip(rows, possible, strict=True)
+            ]
+            known = [value for value in read if watch.missing or not math.isnan(value)]
+            outside = [value for value in known if watch.outside(value)]
+            if watch.action == "stop" and 2 * len(outside) > len(known):
+                message = watch.describe(outside[-1])
+                alarms.append(Alarm(rows[-1][0], watch.name, watch.channel, "stop", message, outside[-1]))
         return alarms
 
     def check_silence(self, now: float, newest: float, period: float) -> Alarm | None:
@@ -337,12 +374,6 @@ class Interlocks:
         """Longest allowed time without a sample, s."""
         return max(self._stale_after, 3.0 * period)
 
-    @staticmethod
-    def _update(watches: Iterable[Watch], row: Sequence[float]) -> list[Alarm]:
-        time = row[0]
-        alarms = (watch.update(time, row[watch.column]) for watch in watches)
-        return [alarm for alarm in alarms if alarm is not None]
-
 
 def _narrowest(watches: Iterable[Watch]) -> tuple[tuple[int, float, float], ...]:
     """For every column the band inside which none of its watches trips."""
@@ -357,15 +388,15 @@ def _of_ranges(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
     """One watch per channel: if the value is physically impossible, or missing, the sensor is broken."""
     watches = []
     for name, channel in rig.channels.items():
-        low, high = channel.range or (-math.inf, math.inf)
+        low, high = channel.band
         watches.append(
             Watch(
                 name=f"{name} sensor",
                 channel=name,
                 column=columns[name],
-                low=float(low),
-                high=float(high),
-                persistence=rig.stale_after,
+                low=low,
+                high=high,
+                persistence=Persistence(rig.stale_after, _SENSOR_WINDOW * rig.stale_after),
                 action="stop",
                 describe=partial(_impossible, name, channel),
                 missing=True,
@@ -419,7 +450,7 @@ def _of_limits(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
                 column=columns[limit.channel],
                 low=-math.inf if upper else limit.threshold,
                 high=limit.threshold if upper else math.inf,
-                persistence=limit.for_,
+                persistence=Persistence(limit.for_, limit.window),
                 action=limit.action,
                 describe=partial(_exceeded, limit, rig.channels[limit.channel]),
                 window=limit.over if limit.of_rate else None,
@@ -449,4 +480,6 @@ def _exceeded(limit: Limit, channel: Channel, value: float) -> str:
     reading = show(value, channel.unit, difference=interval)
     bound = show(limit.threshold, channel.unit, difference=interval)
     text = f"{subject} is {reading}{per}, {relation} the limit of {bound}{per}"
+    if not limit.of_rate and not channel.possible(value):
+        text += "; that is impossible, the sensor or its line may be broken"
     return f"{limit.message}: {text}" if limit.message else text

@@ -16,6 +16,7 @@ from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.step_errors import ending_for
 from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
+from rigctl.steps.approach import approach
 
 _SIGNAL = 0.02  # longest wait of a signal without a sample, s of wall time
 #: s above which two times on a sampling grid are different
@@ -208,8 +209,16 @@ class Driver:
             else:
                 self.watch(self._slice if self._pause is not None else min(self._slice, rested_in))
         self._lifecycle.send("go_on")
-        self._bench.restore(baseline)
+        gradual = {
+            name: value
+            for name, value in baseline.items()
+            if self._bench.rig.actuators[name].max_rate is not None
+            and self._bench.rig.actuators[name].by == "driven"
+        }
+        self._bench.restore({name: value for name, value in baseline.items() if name not in gradual})
         for waiting in self._bench.settled():
+            self.wait(waiting)
+        for waiting in approach(self._bench, gradual):
             self.wait(waiting)
         if until.on_pause is OnPause.RESTART:
             raise Restart

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from rigctl.plan import Leaf, Plan, all_nodes
 from rigctl.plan.behaviour import Row
+from rigctl.plan.missing import Lack
 from rigctl.plan.statistics import DURATION, Statistic, Stretch
 from rigctl.steps.measure import Measure
 
@@ -68,6 +69,16 @@ class History:
             statistic.key: statistic.compute(self._values[statistic.channel][first:]) for statistic in wanted
         }
         return {**values, DURATION: now - (start if math.isfinite(start) else now)}
+
+    def lack(self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None, now: float) -> Lack:
+        """How many readings of the stretch the statistics leave out, of the worst channel."""
+        first = bisect_left(self._times, self._start_of(stretch, window, now) - 1e-9)
+        found = Lack("readings", 0, len(self._times) - first)
+        for name in {statistic.channel for statistic in wanted}:
+            missing = sum(map(math.isnan, self._values[name][first:]))
+            if missing > found.missing:
+                found = Lack(f"readings of {name}", missing, found.total)
+        return found
 
     def _start_of(self, stretch: Stretch, window: float | None, now: float) -> float:
         if stretch is Stretch.WINDOW:

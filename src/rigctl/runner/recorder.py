@@ -45,8 +45,8 @@ class Recorder(Protocol):
         """Keep a value."""
         ...
 
-    def close_record(self, time: float, outcome: str) -> None:
-        """End the open record."""
+    def close_record(self, time: float, outcome: str, missing: float = 0.0) -> None:
+        """End the open record, which lacks the share `missing` of its samples or of a channel's readings."""
         ...
 
     def warnings(self) -> Sequence[str]:
@@ -89,7 +89,7 @@ class Unrecorded:
     def measure(self, value: MeasuredValue) -> None:
         """Forget a value."""
 
-    def close_record(self, time: float, outcome: str) -> None:
+    def close_record(self, time: float, outcome: str, missing: float = 0.0) -> None:
         """There are no records here."""
 
     def warnings(self) -> Sequence[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -12,9 +13,12 @@ from rigctl.backends.protocol import Notice, Sample
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Row
 from rigctl.plan.outcomes import Ending, Lost, SamplesLost, Tripped
+from rigctl.rig.possible_readings import PossibleReadings
 from rigctl.runner.bench import Bench
+from rigctl.runner.completeness import Completeness
 from rigctl.runner.interlocks import Alarm, Interlocks
 from rigctl.runner.snapshot import ShownEvent
+from rigctl.units import show
 
 #: s of bench time that a repeatable record waits for a lost bench to come back
 RECONNECT = 30.0
@@ -55,6 +59,12 @@ class Sampling:
         self._awaited: _Awaited | None = None  # a lost bench whose record will be measured again
         self._reported = False  # whether it was reported that data cannot be stored
         self._fault = ""  # fault reported by the bench since the newest sample
+        self._possible = PossibleReadings(bench.rig)
+        self.completeness: Completeness | None = None  #: of the open record
+        self._counters = {
+            name: bench.columns[name] for name, one in bench.rig.channels.items() if one.counts_up
+        }
+        self._counts: dict[str, float] = {}  # newest value of each
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
         self.happenings: deque[ShownEvent] = deque(maxlen=12)
@@ -130,18 +140,38 @@ class Sampling:
 
     def _take(self, sample: Sample) -> Row:
         bench = self._bench
-        row = self._row(sample)
+        read = self._row(sample)
+        row = self._possible.of(read)  # what is impossible is stored as it was read, and is no value here
         bench.newest = row
         self.newest = sample.time
         self._fault = ""
-        self._keep(row)
+        self._keep(read)
+        if self.completeness is not None and row[1] >= 0.0:
+            self.completeness.add(row, possible=row is read)
         if bench.history.wanted:
             bench.history.add(row)
-        alarms = self._interlocks.check(row)
+        alarms = self._interlocks.check(read)
         if alarms:
             self._sound(alarms)
         self._collect()
+        for name, column in self._counters.items():
+            self._count(name, row[column])
         return row
+
+    def _count(self, name: str, value: float) -> None:
+        """Compare a device's clock or counter with its last value: one that starts again is a restart."""
+        before = self._counts.get(name, -math.inf)
+        if math.isnan(value):
+            return
+        self._counts[name] = value
+        if value >= before:
+            return
+        bench, channel = self._bench, self._bench.rig.channels[name]
+        shown = " to ".join(show(one, channel.unit) for one in (before, value))
+        message = f"the device has restarted: {name} went from {shown}"
+        switched_off = sorted(bench.driven)
+        bench.event("gap", message, switched_off=switched_off)
+        self._gap(Notice(bench.now, "gap", message, {"switched_off": switched_off}))
 
     def _keep(self, row: Row) -> None:
         """Journal a row; a disk that is full or gone ends the run, once."""

@@ -10,6 +10,7 @@ from rigctl.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, Visit
 from rigctl.plan.behaviour import CHECKPOINT, OnPause, Until, Waiting, every_sample
 from rigctl.plan.outcomes import Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
 from rigctl.runner.bench import Bench
+from rigctl.runner.completeness import Completeness, worst
 from rigctl.runner.progress import Progress
 from rigctl.runner.remaining_plan import record_paths, remaining, setup_before
 from rigctl.runner.sampling import Sampling
@@ -135,7 +136,7 @@ class Walker(Visitor[Waiting]):
             if loop.condition is not None:
                 bench.path = self._path(loop.path)
                 yield CHECKPOINT
-                row = yield from bench.fresh()
+                row = yield from bench.fresh(loop.condition.names)
                 if not bench.condition(loop.condition)(row):
                     return
             if number > loop.max_iterations:
@@ -153,7 +154,7 @@ class Walker(Visitor[Waiting]):
         bench = self._bench
         bench.path = self._path(branch.path)
         yield CHECKPOINT
-        row = yield from bench.fresh()
+        row = yield from bench.fresh(branch.condition.names)
         holds = bool(bench.condition(branch.condition)(row))
         bench.event("step", branch.label, state="decided", outcome=str(holds).lower())
         chosen = branch.then if holds else branch.otherwise
@@ -201,6 +202,7 @@ class Walker(Visitor[Waiting]):
             yield Until(when=every_sample, on_pause=OnPause.DEFER)
             yield from self.group(node.body)
             yield CHECKPOINT
+            self._require_complete(node)
             outcome = Outcome.COMPLETE
         except Ending as ending:
             outcome = ending.outcome
@@ -233,19 +235,41 @@ class Walker(Visitor[Waiting]):
             began = bench.record_began = bench.now
             bench.writer.open_record(began, node.name, node.sweep, path, node.rate)
             bench.history.begin_record(began)
+            recorded = {name: bench.columns[name] for name in node.channels}
+            self._sampling.completeness = Completeness(recorded, node.rate)
             bench.start(node.rate)
         except Exception as error:  # noqa: BLE001 - as for a step
             ending = ending_for(error, bench)
             self._secure(ending)
             raise ending from None
 
+    def _require_complete(self, node: RecordNode) -> None:
+        """Refuse a record that lacks too much to be what the procedure asked for."""
+        counted = self._sampling.completeness
+        lacks = counted.lacks() if counted is not None else []
+        too_much = [lack for lack in lacks if lack.exceeds(node.most_missing)]
+        if not too_much:
+            return
+        missing = ", ".join(map(str, too_much))
+        most = f"{100.0 * node.most_missing:.3g} %"
+        reason = f"{node.label} lacks {missing}, more than {most}"
+        ending: Ending = SamplesLost(reason, where=node.where)
+        if not self._again:  # nothing is measured again: the run ends with this
+            ending = StepFailed(reason, outcome=SamplesLost.outcome, where=node.where)
+        self._secure(ending)
+        raise ending
+
     def _close(self, outcome: Outcome) -> None:
         bench = self._bench
         if not bench.recording:
             return
         bench.history.end_record()
+        counted, self._sampling.completeness = self._sampling.completeness, None
+        lacks = counted.lacks() if counted is not None else []
+        if lacks:
+            bench.event("note", f"missing in the record: {', '.join(map(str, lacks))}")
         try:
-            bench.writer.close_record(bench.now, outcome.value)
+            bench.writer.close_record(bench.now, outcome.value, worst(lacks))
             if bench.reachable:
                 bench.start(bench.watching_rate)
         except Exception as error:  # noqa: BLE001 - as for a step

@@ -19,11 +19,12 @@ from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part, UnitName
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.measured import MeasuredValue
+from rigctl.plan.missing import MOST_MISSING
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.statistics import DURATION, STATISTICS, Statistic, Stretch, find_statistics
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
-from rigctl.plan.values import AnyValue, Duration, Variables, substituted
+from rigctl.plan.values import SHARE, AnyValue, Duration, Share, Variables, substituted
 from rigctl.units import describe, parse_unit, show
 
 
@@ -51,6 +52,11 @@ class MeasureFields(Part):
     )
     last: Duration | None = Field(
         default=None, description="instead of `over`: the time before now over which it is taken"
+    )
+    most_missing: Share = Field(
+        default=SHARE.read("5 %"),
+        description="share of the readings that may be missing or impossible; with more the value counts as "
+        "outside its limits",
     )
     missed: Literal["fail", "continue"] = Field(
         default="fail", description="consequence if the value is outside its limits"
@@ -96,6 +102,7 @@ class MeasureStep(Step):
             low=low,
             high=high,
             missed=Missed(fields.missed),
+            most_missing=context.si(fields.most_missing, "measure", "most_missing"),
             difference=interval,
         )
         return context.leaf(f"measure {fields.name} = {fields.value}{_after_comma(action.limits)}", action)
@@ -138,6 +145,7 @@ class Measure(Action):
     high: float | None = None  #: SI, inclusive
     missed: Missed = Missed.FAIL
     difference: bool = False  #: whether it is a temperature interval, shown without offset
+    most_missing: float = MOST_MISSING  #: share of readings without a value above which it does not pass
 
     def passes(self, value: float) -> bool:
         """Return whether the value is within the limits; False for NaN."""
@@ -172,15 +180,30 @@ class Measure(Action):
         """
         yield CHECKPOINT
         value = float(self.expression.evaluate(bench.statistics(self.statistics, self.stretch, self.window)))
-        passed = self.passes(value)
+        lack = bench.lack(self.statistics, self.stretch, self.window)
+        passed = self.passes(value) and not lack.exceeds(self.most_missing)
         unit, difference = self.unit, self.difference
         bench.record_measure(
-            MeasuredValue(self.name, value, unit, self.low, self.high, passed, difference=difference)
+            MeasuredValue(
+                self.name,
+                value,
+                unit,
+                self.low,
+                self.high,
+                passed,
+                difference=difference,
+                missing=lack.share,
+            )
         )
         if passed:
+            if lack.missing:
+                bench.event("note", f"{self.name} was taken without {lack}")
             return Outcome.COMPLETE
         found = "has no value" if math.isnan(value) else f"is {show(value, unit, difference=difference)}"
-        text = f"{self.name} {found}, expected {self.limits or 'a number'}"
+        if self.passes(value):
+            text = f"{self.name} {found} without {lack}, more than {100.0 * self.most_missing:.3g} %"
+        else:
+            text = f"{self.name} {found}, expected {self.limits or 'a number'}"
         if self.missed is Missed.FAIL:
             raise StepFailed(text, outcome=Outcome.MISSED)
         bench.event("note", text)

@@ -11,7 +11,7 @@ from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part
 from rigctl.plan.step import Block
 from rigctl.plan.tree import Node, RecordNode
-from rigctl.plan.values import RATE, Count, Rate
+from rigctl.plan.values import RATE, SHARE, Count, Rate, Share
 from rigctl.units import show
 
 
@@ -23,6 +23,11 @@ class RecordFields(Part):
     channels: Literal["all"] | list[str] = Field(default="all", description="all, or a list of channels")
     retries: Count | None = Field(
         default=None, description="maximum number of repetitions if the bench is lost during it; 0 by default"
+    )
+    most_missing: Share = Field(
+        default=SHARE.read("5 %"),
+        description="share of its samples, or of the readings of a channel, that may be missing; with more "
+        "the record is lost, and repeated if `retries` allows",
     )
 
 
@@ -58,6 +63,7 @@ class RecordStep(Block):
             sweep=context.sweep_values(),
             body=context.inside_record(rate).body(self.do, "do"),
             retries=int(context.optional_si(fields.retries, "record", "retries") or 0),
+            most_missing=context.si(fields.most_missing, "record", "most_missing"),
         )
         return context.with_cleanup(node, self)
 

@@ -22,6 +22,7 @@ from rigctl.plan.tree import Leaf
 from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import MARK, OPEN, Duration
 from rigctl.rig import Actuator, Rig
+from rigctl.steps.approach import approach, approach_time
 
 
 def _truth_to_word(written: Any) -> Any:
@@ -78,6 +79,12 @@ class SetStep(Step):
                 with context.located("set", "values", name):
                     if name not in context.rig.safe_state:
                         raise RigctlError("this actuator has no safe value to return to", value=name)
+                    if actuators[name].max_rate is not None:
+                        raise RigctlError(
+                            "this actuator may not jump, as its max_rate says, and cannot be set for a time",
+                            value=name,
+                            expected="'set' without 'for', or a 'waveform'",
+                        )
                     if actuators[name].by == "operator":
                         # the others would stay on until the operator answers, and nobody would reset this one
                         raise RigctlError(
@@ -119,12 +126,20 @@ class Set(Action):
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
         """Forecast the given duration, or no time without one."""
         role = bench.rig.roles.set_pressure
-        seconds = self.duration or 0.0
+        before = {name: state.levels.get(name, bench.rig.safe_state.get(name, 0.0)) for name in self.values}
+        approach = max(
+            approach_time(before[name], value, bench.rig.actuators[name].max_rate)
+            for name, value in self.values.items()
+        )
+        seconds = self.duration or approach
         after = bench.pass_time(state, seconds)
+        if self.duration is None:
+            after = replace(after, levels={**state.levels, **self.values})
+        basis = Basis.ESTIMATED if approach else Basis.TIMED
         if role is None or role.actuator not in self.values:
-            return Forecast(seconds, Basis.TIMED, after)
+            return Forecast(seconds, basis, after)
         level = self.values[role.actuator]
-        return Forecast(seconds, Basis.TIMED, replace(after, pressure=level), {role.channel: (level, level)})
+        return Forecast(seconds, basis, replace(after, pressure=level), {role.channel: (level, level)})
 
     def questions(self, rig: Rig) -> tuple[Question, ...]:
         """Return a request for each actuator that is operated by hand."""
@@ -137,6 +152,8 @@ class Set(Action):
     def carry_out(self, bench: Bench) -> Behaviour:
         """Command every actuator; with a duration, wait until they have returned to their safe values.
 
+        A driven level with a ``max_rate`` is brought there at this rate, after the others were commanded.
+
         For an actuator that is operated by hand the operator is asked, and has to confirm; such an actuator
         is never set for a limited time.
         """
@@ -144,11 +161,19 @@ class Set(Action):
         if self.duration is not None:  # all must start together, so none may be delayed by its resting time
             while bench.now < (ready := max(bench.rested_at(*each) for each in self.values.items())):
                 yield Until(ready)
+        gradual = {
+            name: value
+            for name, value in self.values.items()
+            if bench.rig.actuators[name].by == "driven" and bench.rig.actuators[name].max_rate is not None
+        }
         for name, value in self.values.items():
+            if name in gradual:
+                continue
             receipt = yield from bench.command(name, value, self.duration)
             ends[name] = receipt.time + (self.duration or 0.0)
             if bench.rig.actuators[name].by == "operator":
                 yield from bench.ask(_request(bench.rig, name, value))
+        yield from approach(bench, gradual)
         if self.duration is not None:
             for name in sorted(ends, key=lambda name: ends[name]):
                 yield Until(ends[name], on_pause=OnPause.DEFER)

@@ -26,6 +26,7 @@ from rigctl.plan.values import (
     PressureTolerance,
     Value,
 )
+from rigctl.steps.approach import approach, approach_time
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling, check_settling
 from rigctl.units import show
@@ -100,9 +101,13 @@ class SetLevel(Action):
         """Forecast the time that the actuator or the operator needs, plus the settling time."""
         by_hand = bench.rig.actuators[self.actuator].by == "operator"
         setting = bench.operator_time(_TURNING) if by_hand else _DRIVEN_LEVEL
+        if not by_hand:
+            before = state.levels.get(self.actuator, bench.rig.safe_state.get(self.actuator, 0.0))
+            setting += approach_time(before, self.to, bench.rig.actuators[self.actuator].max_rate)
         total = setting + self.settle
         role = bench.rig.roles.set_pressure
         after = bench.pass_time(state, total)
+        after = replace(after, levels={**state.levels, self.actuator: self.to})
         if role is not None and role.actuator == self.actuator:
             after = replace(after, pressure=self.to)
         reaches = {self.channel: (self.to - self.within, self.to + self.within)}
@@ -119,7 +124,10 @@ class SetLevel(Action):
         """
         actuator = bench.rig.actuators[self.actuator]
         target = reading(bench, self.channel, self.to)
-        yield from bench.command(self.actuator, self.to)
+        if actuator.by == "operator":
+            yield from bench.command(self.actuator, self.to)
+        else:
+            yield from approach(bench, {self.actuator: self.to})
         if actuator.by == "operator":
             request = actuator.prompt or f"Turn {self.actuator} until {self.channel} reads"
             bench.request(Question(f"{request} {target}", notice=True))

@@ -94,7 +94,10 @@ class Settling:
             return reading(bench, channel, value)
 
         tolerance = reading(bench, channel, self.within, difference=True)
+        fine = bench.rig.channels[channel].too_fine(self.within)
         return (
             f"{channel} did not settle at {shown(self.target)} ± {tolerance} within {timeout:g} s: "
             f"it was {shown(self.mean)}, lowest {shown(self.lowest)}, highest {shown(self.highest)}"
+            + f"; {fine}"
+            * bool(fine)
         )

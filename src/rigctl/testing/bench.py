@@ -11,7 +11,7 @@ from typing import Any
 from rigctl.backends.protocol import Backend
 from rigctl.backends.registry import create_backend
 from rigctl.clock import Clock, VirtualClock
-from rigctl.dataset.header import RunHeader, Source, source_of_rig
+from rigctl.dataset.header import RunHeader, Source, calibrations_of, source_of_rig
 from rigctl.dataset.log import read_lines
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.writer import RunWriter
@@ -78,6 +78,7 @@ class VirtualBench:
             backend=backend.identity,
             clock=backend.clock.name,
             plan_digest=plan.digest,
+            calibrations=calibrations_of(plan.rig),
         )
 
     def run(

@@ -372,3 +372,44 @@ def test_an_imported_run_has_the_content_of_its_file(
     run = Importer(tmp_path_factory.mktemp("import"), rig).run("\n".join(lines))
     found = np.column_stack([run.signals(name) for name in ("time", "position", "valve")])
     assert found == pytest.approx(np.array(expected), rel=1e-12, abs=1e-12, nan_ok=True)
+
+
+def test_readings_outside_the_range_of_their_channel_are_no_values(importer: Importer) -> None:
+    """A sentinel of a digital thermometer, and a digit lost by the logger."""
+    rows = [
+        f"{0.1 * k:.1f},{-127.0 if 20 <= k < 40 else 2020 if k == 50 else 20 + 0.01 * k:.2f},0"
+        for k in range(99)
+    ]
+    imported = importer.bring_in("time [s],oil_temperature [degC],position [mm]\n" + "\n".join(rows) + "\n")
+    expected = (
+        "21 readings of oil_temperature lie outside its range, -10 degC to 150 degC: they are no values"
+    )
+    assert expected in imported.notes
+    assert not any("are missing" in remark for remark in imported.notes)
+    oil = open_run(imported.path).signals("oil_temperature")
+    assert np.flatnonzero(np.isnan(oil)).tolist() == [*range(20, 40), 50]
+
+
+def test_the_ends_of_a_range_are_possible_in_every_unit(importer: Importer) -> None:
+    rows = [f"{0.1 * k:.1f},{14 if k % 2 else 302}" for k in range(10)]
+    imported = importer.bring_in("time [s],oil_temperature [degF]\n" + "\n".join(rows) + "\n")
+    assert not any("outside its range" in remark for remark in imported.notes)
+
+
+def test_an_impossible_value_of_a_table_is_no_value(importer: Importer) -> None:
+    imported = importer.bring_in("oil_temperature [degC],position [mm]\n40,80\n40,8000\n60,70\n")
+    assert "1 reading of position lies outside its range, -5 mm to 285 mm: it is no value" in imported.notes
+    assert open_run(imported.path).records["position"].isna().tolist() == [False, True, False]
+
+
+def test_a_sensor_that_sticks_for_a_while_is_named(importer: Importer) -> None:
+    noise = np.random.default_rng(3).normal(0.0, 0.06, 300)
+    values = np.where(
+        (np.arange(300) >= 150) & (np.arange(300) < 185), 33.33, 20.0 + 0.05 * np.arange(300) + noise
+    )
+    rows = [f"{5 * k},{value:.2f}" for k, value in enumerate(values)]
+    imported = importer.bring_in("time [s],oil_temperature [degC]\n" + "\n".join(rows) + "\n")
+    assert any(
+        "oil_temperature repeats one value exactly, 33.33 degC, from 750 s to 920 s" in remark
+        for remark in imported.notes
+    )

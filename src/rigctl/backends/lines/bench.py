@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.lines.error_queue import errors_in_queue
 from rigctl.backends.lines.handshake import handshake
-from rigctl.backends.lines.poll import Poll
+from rigctl.backends.lines.poll import Poll, PolledSample
 from rigctl.backends.lines.safe_state import SafeState
 from rigctl.backends.lines.setting import Setter
 from rigctl.backends.lines.talk import Talk
@@ -225,6 +225,9 @@ class LineBench(PortBench[Talk]):
     def _carry_out(self, talk: Talk, order: _Order) -> Conversation[None]:
         """Set an actuator, and record the device's answer."""
         pending = order.pending
+        if pending.value != self._outbox.commanded.get(pending.actuator):
+            state = yield from self._poll.verifying(talk, pending.actuator, self._outbox.commanded)
+            self._take_changes(state)
         try:
             receipt = yield from self._setter.setting(talk, pending.actuator, pending.value)
         except Refused as error:
@@ -330,6 +333,12 @@ class LineBench(PortBench[Talk]):
             self._outbox.gap(missed)
         self._index += missed + 1
         reading = yield from self._poll.asking(talk, self._outbox.commanded)
+        self._take_changes(reading)
+        commands = tuple(self._outbox.commanded[name] for name in self._rig.layout.commands)
+        self._outbox.samples.append(Sample(reading.time, reading.values, commands))
+
+    def _take_changes(self, reading: PolledSample) -> None:
+        """Record the states that were read, and outputs that the device has switched without a command."""
         for actuator, value in reading.states.items():
             self._note_state(actuator, value)
         for actuator, value in reading.changed.items():
@@ -338,8 +347,6 @@ class LineBench(PortBench[Talk]):
             shown = self._rig.actuators[actuator].show(value)
             self._exchanged = True
             self._end(f"the device has set {actuator} to {shown} by itself")
-        commands = tuple(self._outbox.commanded[name] for name in self._rig.layout.commands)
-        self._outbox.samples.append(Sample(reading.time, reading.values, commands))
 
     def _note_state(self, actuator: str, value: float) -> None:
         """Record the confirmed state of an output."""

@@ -58,9 +58,25 @@ class Poll:
         self.states_read.clear()
         self._due = [-math.inf] * len(self._queries)
         self._stray = talk.stray
+        talk.established = True
 
-    def asking(self, talk: Talk, commanded: Mapping[str, float]) -> Conversation[PolledSample]:
-        """Send the queries that are due.
+    def verifying(
+        self, talk: Talk, actuator: str, commanded: Mapping[str, float]
+    ) -> Conversation[PolledSample]:
+        """Ask for the state of an actuator that is read more rarely than at each sample.
+
+        Before another command it is the last chance to see that the device has switched it by itself.
+        """
+        for index, query in enumerate(self._queries):
+            if query.every is not None and actuator in query.places:
+                self._due[index] = -math.inf
+                return (yield from self.asking(talk, commanded, only=index))
+        return PolledSample(self._clock.now(), 0.0, (), {}, {})
+
+    def asking(
+        self, talk: Talk, commanded: Mapping[str, float], *, only: int | None = None
+    ) -> Conversation[PolledSample]:
+        """Send the queries that are due, or `only` one of them.
 
         An invalid answer leaves its channels without a value, which interlocks detect.
 
@@ -75,7 +91,7 @@ class Poll:
         states: dict[str, float] = {}
         answers = []
         for index, query in enumerate(self._queries):
-            if now < self._due[index] - _SLACK:
+            if now < self._due[index] - _SLACK or only not in (None, index):
                 continue
             answer = yield from self._ask(talk, index, query)
             if query.every is not None:
@@ -133,5 +149,8 @@ class Poll:
         more = talk.stray - self._stray
         self._stray = talk.stray
         if more > 0:
-            message = f"{more} lines that nobody asked for"
+            last = "" if more == len(talk.stray_texts) else ", the last"
+            several = "s" if more > 1 else ""
+            message = f"{more} line{several} that nobody asked for{last}: {', '.join(talk.stray_texts)}"
+            talk.stray_texts.clear()
             self._outbox.notice("note", message, lines=more)

@@ -3,21 +3,25 @@
 A late answer would be taken for the answer to the next query. Unsolicited lines are therefore discarded
 before each query, and after a missing or unexpected answer the line is resynchronised: rigctl waits until it
 is quiet and, if the device has an identity query, sends it and reads until the answer is the identity. An
-identity that was asked for and came too late may still come: it is no answer to anything else.
+identity that was asked for and came too late may still come: it is no answer to anything else. One that
+nobody asked for is what many devices send when they start: the device has restarted.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rigctl.backends.transport.conversation import Conversation, carry_through
-from rigctl.backends.transport.port import AnotherDevice, NoAnswer, Port, Refused
+from rigctl.backends.transport.port import AnotherDevice, NoAnswer, Port, PortLost, Refused
 from rigctl.clock import Clock
+from rigctl.errors import shorten
 from rigctl.rig import Exchange, Lines
 
 _LONGEST = 4096  # longest line, bytes; data without a line end in so many are garbage
 _QUIET = 0.1  # s
+_KEPT, _WIDTH = 3, 60  # number and length of the unsolicited lines whose text is kept
 _LONGEST_NOISE = 1.0  # longest uninterrupted output of a line-based device, s
 
 
@@ -28,6 +32,10 @@ class WrongAnswer(Refused):
         text = f"the device answers {answer!r} to {command!r}"
         super().__init__(f"{text}; expected {expected!r}" if expected else text)
         self.answer = answer
+
+
+class DeviceRestarted(PortLost):
+    """The device has sent its identity unasked, as it does when it starts: its outputs are unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +53,9 @@ class Talk:
     Attributes
     ----------
     stray: running count of unsolicited lines.
+    stray_texts: the newest of them, shortened.
+    established: whether the device is known to be running, so that an identity which it sends unasked means
+        that it has restarted; while it starts, that is only its greeting.
     """
 
     def __init__(self, port: Port, clock: Clock, lines: Lines) -> None:
@@ -55,10 +66,13 @@ class Talk:
         self._reply_ends = lines.reply_ends.encode("utf-8")
         self._rest = b""
         self.stray = 0
+        self.stray_texts: deque[str] = deque(maxlen=_KEPT)
+        self.established = False
         self._bytes = 0  # number of bytes that have arrived
         self.last_sent = clock.now()  #: s
         self._in_step = True  # no answer to an earlier query is outstanding
-        self._late_identities = 0  # that were asked for, and may still arrive
+        self._identities_due = 0  # that were asked for and may still arrive
+        self._making_safe = False  # a restart is no reason not to do so
         self.identity: Mapping[str, str] | None = None  #: of the device, once it is known
 
     @property
@@ -74,6 +88,8 @@ class Talk:
     def send(self, text: str) -> None:
         """Send a command without waiting."""
         self.last_sent = self._clock.now()
+        if self._lines.identify is not None and text == self._lines.identify.send:
+            self._identities_due += 1
         self.port.write(text.encode("utf-8") + self._send_ends)
 
     def ask(self, exchange: Exchange, *, tries: int | None = None) -> Answer:
@@ -104,9 +120,10 @@ class Talk:
         WrongAnswer
             the device answers with an error, or repeatedly with an unexpected text.
         PortLost
-            the device does not answer (`NoAnswer`), or the port is gone.
+            the device does not answer or has restarted (`NoAnswer`), or the port is gone.
         """
         command = exchange.send if text is None else text
+        self._making_safe = anyway
         wrong = ""
         for attempt in range(tries or self._lines.tries):
             if attempt or not self._in_step:
@@ -126,19 +143,19 @@ class Talk:
                 return Answer({}, sent, self._clock.now())
             deadline = sent + (timeout or self._lines.timeout)
             found, wrong = yield from self._read_answer(exchange, command, deadline)
-            if found is None:
-                self._late_identities += exchange == self._lines.identify
-                continue
-            if fits(found):
+            if found is not None and fits(found):
                 self._in_step = True
+                if exchange != self._lines.identify:  # answers come in order: none is due from before
+                    self._identities_due = 0
                 return Answer(found, sent, self._clock.now())
-            wrong = " / ".join(found.values())
+            if found is not None:
+                wrong = self._misfit(" / ".join(found.values()))
         if wrong:
             raise WrongAnswer(command, wrong, " / ".join(exchange.reply))
         raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
 
     def idle(self, until: float) -> None:
-        """Let time pass; anything received is unsolicited."""
+        """Let time pass; anything received is unsolicited. Raises `DeviceRestarted`."""
         self.take(until)
         self._drop_stray()
 
@@ -153,7 +170,8 @@ class Talk:
         found: dict[str, str] = {}
         for pattern in exchange.patterns:
             line = yield from self._line(deadline)
-            while line is not None and pattern.match(line) is None and self._late_identity(line):
+            while line is not None and pattern.match(line) is None and self._is_identity(line):
+                self._unasked(line)
                 line = yield from self._line(deadline)
             if line is None:
                 return None, ""
@@ -164,16 +182,40 @@ class Talk:
             if matched is None:
                 return None, line
             found.update(matched)
+        if exchange == self._lines.identify:
+            self._identities_due = max(self._identities_due - 1, 0)
         return found, ""
 
-    def _late_identity(self, line: str) -> bool:
-        """Whether a line is the answer to an identity query that was given up."""
+    def _misfit(self, line: str) -> str:
+        """Return a line whose values are none; the identity fits a pattern that any text fits."""
+        if self._is_identity(line):
+            self._unasked(line)
+        return line
+
+    def _is_identity(self, line: str) -> bool:
+        """Return whether a line is the device's identity; a pattern without words may fit readings too."""
         identify = self._lines.identify
-        if identify is None or not self._late_identities or identify.patterns[0].match(line) is None:
+        if identify is None or not any(map(_has_words, identify.patterns[0].literals)):
             return False
-        self._late_identities -= 1
+        return identify.patterns[0].match(line) is not None
+
+    def _unasked(self, line: str) -> None:
+        """Count a line that is no answer to the present query, and keep its text.
+
+        Raises
+        ------
+        DeviceRestarted
+            it is the greeting of a device that has restarted.
+        """
         self.stray += 1
-        return True
+        self.stray_texts.append(repr(shorten(line, _WIDTH)))
+        if not self._is_identity(line):
+            return
+        if self._identities_due:
+            self._identities_due -= 1
+        elif self.established and not self._making_safe:
+            self.established = False
+            raise DeviceRestarted(f"{self.port.name}: the device has restarted: it sent {line!r} unasked")
 
     def _line(self, deadline: float) -> Conversation[str | None]:
         """Return the next line; None if there is none by bench time `deadline`."""
@@ -194,9 +236,16 @@ class Talk:
     def _drop_stray(self) -> None:
         while self.take(self._clock.now()):
             pass
-        if self._rest:
-            self.stray += max(self._rest.count(self._reply_ends), 1)
-            self._rest = b""
+        self._discard()
+
+    def _discard(self) -> None:
+        """Take what has arrived for unsolicited lines."""
+        *complete, rest = self._rest.split(self._reply_ends)
+        self._rest = b""
+        for line in [*complete, rest]:
+            text = line.decode("utf-8", "replace").strip()
+            if text:
+                self._unasked(text)
 
     def _synchronise(self, command: str, patience: float) -> Conversation[None]:
         """Discard outstanding data, so that the next answer belongs to the next query, `command`.
@@ -208,7 +257,7 @@ class Talk:
         WrongAnswer
             the device sends something other than its identity, possibly the answer to an earlier query.
         NoAnswer
-            the device is silent.
+            the device is silent, or has restarted.
         AnotherDevice
             its identity is twice not that of before.
         """
@@ -220,7 +269,7 @@ class Talk:
             yield quiet
             if self._bytes != heard:
                 quiet = min(self._clock.now() + _QUIET, give_up)
-        self._rest = b""
+        self._discard()
         identify = self._lines.identify
         if identify is None:
             return
@@ -231,6 +280,7 @@ class Talk:
         while (line := (yield from self._line(deadline))) is not None:
             found = identify.patterns[0].match(line)
             if found is not None:
+                self._identities_due = max(self._identities_due - 1, 0)
                 for pattern in identify.patterns[1:]:
                     found = {**found, **(pattern.match((yield from self._line(deadline)) or "") or {})}
                 if self.identity is None or found == self.identity:
@@ -241,7 +291,10 @@ class Talk:
                 stranger = True
                 self.send(identify.send)  # one such answer may be a damaged one
             wrong = line
-        self._late_identities += 1
         if wrong:
             raise WrongAnswer(identify.send, wrong, " / ".join(identify.reply))
         raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
+
+
+def _has_words(literal: str) -> bool:
+    return any(letter.isalnum() for letter in literal)

@@ -16,7 +16,7 @@ from rigctl.dataset.importing.campaign import Campaign, open_files
 from rigctl.dataset.importing.columns import assign, read_mapping
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.formats import stem_of
-from rigctl.dataset.importing.notes import column_notes, notes
+from rigctl.dataset.importing.notes import column_notes, impossible_notes, notes
 from rigctl.dataset.importing.observations import Observations, take_observations
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.read_table import has_numbers, stamped_column
@@ -157,7 +157,8 @@ def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options)
     """Return remarks on the data, one sentence each."""
     remarks = (*taken.source.remarks, *column_notes(taken.source.headings, taken.assigned, options))
     if isinstance(taken, Observations):
-        return (*remarks, *taken.remarks)
+        outside = () if rig is None else tuple(impossible_notes(taken.found, rig))
+        return (*remarks, *taken.remarks, *outside)
     if rig is not None:  # as samples need
         assumed = assumed_values(options.assume, rig, taken.layout.columns)
         remarks += (*taken.stages.remarks, *taken.stages.mark_remarks())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, repeat
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 #: largest plausible time, s: three centuries, even if time zero is the year 1904
 LATEST: Final = 1e10
+#: error of a conversion of units, as a share of a channel's range
+_ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,7 @@ class Checker:
         self.record_ids: list[int] = []  #: names of the records, in the order of the file
         self._open: int | None = None
         self._ended: set[int] = set()
+        self.impossible: Counter[str] = Counter()  #: readings outside their range, by channel
         self._latest = -np.inf
         self._taken: int | None = None  # the label of the last valid row
 
@@ -90,9 +94,17 @@ class Checker:
         return Checked(block, stretches, faults, len(part.faults) + part.more_faults + bad.count)
 
     def _values(self, column: Assigned, part: Part) -> NDArray[np.float64]:
-        """Return a column in SI, with marks of missing values as NaN."""
+        """Return a column in SI, with marks of missing values and impossible readings as NaN."""
         written = part.columns[column.index]
-        return to_si(column, written if column.kind == "time" else without_marks(written, self._missing))
+        if column.kind == "time":
+            return to_si(column, written)
+        values = to_si(column, without_marks(written, self._missing))
+        outside = impossible(column, values)
+        count = int(outside.sum())
+        if not count:
+            return values
+        self.impossible[column.name] += count
+        return np.where(outside, np.nan, values)
 
     def _stretch(self, label: int, start: int, stop: int) -> Stretch:
         """Return a stretch of valid rows, and the record that they begin or continue."""
@@ -227,6 +239,15 @@ def without_marks(values: NDArray[np.float64], marks: NDArray[np.float64]) -> ND
         return values
     marked = np.isin(values, marks)
     return np.where(marked, np.nan, values) if marked.any() else values
+
+
+def impossible(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which of a column's values, SI, are outside the possible range of its channel."""
+    if column.possible is None:
+        return np.zeros(values.shape, dtype=bool)
+    low, high = column.possible
+    slack = _ROUNDING * (high - low)  # of the file's unit
+    return np.asarray(np.isfinite(values) & ((values < low - slack) | (values > high + slack)))
 
 
 def to_si(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.float64]:

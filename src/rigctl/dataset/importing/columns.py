@@ -58,6 +58,7 @@ class Assigned:
     shown: the unit in which it is stored.
     positions: the allowed values of a switch or a valve.
     difference: it is a temperature difference.
+    possible: the possible range of a channel, SI; None if not stated.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Assigned:
     shown: str = "1"
     positions: frozenset[float] | None = None
     difference: bool = False
+    possible: tuple[float, float] | None = None
 
 
 def read_mapping(texts: Iterable[str]) -> dict[str, str]:
@@ -290,7 +292,16 @@ def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
     if rig is not None and name in rig.channels:
         channel = rig.channels[name]
         unit = _unit(heading, channel.unit)
-        return Assigned(name, "channel", index, heading, unit, channel.unit, difference=channel.difference)
+        return Assigned(
+            name,
+            "channel",
+            index,
+            heading,
+            unit,
+            channel.unit,
+            difference=channel.difference,
+            possible=None if channel.range is None else channel.band,
+        )
     if rig is not None and name in rig.actuators:
         actuator = rig.actuators[name]
         unit = _unit(heading, actuator.display_unit)

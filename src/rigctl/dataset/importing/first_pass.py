@@ -15,6 +15,7 @@ from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.conditions import Conditions
 from rigctl.dataset.importing.labels import Label
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault
+from rigctl.dataset.standstill import Standstill, StandstillDetector
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,7 +71,8 @@ class Survey:
     records: in the order of the file; equal conditions have identical values.
     rows: number of valid rows.
     faults: of the first bad rows; `bad_rows` is the number of all.
-    spans: by channel.
+    spans, impossible: by channel; the number of readings outside the possible range, which are no values.
+    standstills: by channel, with the label of the record: the longest of all records.
     """
 
     records: list[RecordFacts] = field(default_factory=list)
@@ -78,6 +80,8 @@ class Survey:
     faults: list[Fault] = field(default_factory=list)
     bad_rows: int = 0
     spans: dict[str, Span] = field(default_factory=dict)
+    impossible: Mapping[str, int] = field(default_factory=dict)
+    standstills: dict[str, tuple[Label, Standstill]] = field(default_factory=dict)
 
 
 def survey(
@@ -101,13 +105,14 @@ def survey(
             span.add(part.block[:, layout.columns.index(name)])
         for stretch in part.stretches:
             if stretch.begins and open_record is not None:
-                result.records.append(open_record.facts(checker))
+                open_record.end(result, checker)
                 open_record = None
             if stretch.record >= 0:
                 open_record = open_record or _Gathered(stretch.record, layout, conditions)
                 open_record.add(part.block, stretch)
     if open_record is not None:
-        result.records.append(open_record.facts(checker))
+        open_record.end(result, checker)
+    result.impossible = checker.impossible
     result.records = _alike(result.records, conditions)
     return result
 
@@ -125,6 +130,7 @@ class _Gathered:
         self._digest = hashlib.sha256()
         self._first: NDArray[np.float64] | None = None
         self._changes = False
+        self._detectors = {name: StandstillDetector() for name in layout.channels}
 
     def add(self, block: NDArray[np.float64], stretch: Stretch) -> None:
         rows = np.delete(block[stretch.start : stretch.stop], 1, axis=1)  # without the record's number
@@ -141,6 +147,19 @@ class _Gathered:
             elif name in self._conditions.levels:
                 values = np.unique(values[~np.isnan(values)])
             pieces.append(values.copy())
+        times = block[stretch.start : stretch.stop, self._layout.columns.index("time")]
+        for name, detector in self._detectors.items():
+            detector.add(times, block[stretch.start : stretch.stop, self._layout.columns.index(name)])
+
+    def end(self, result: Survey, checker: Checker) -> None:
+        """Add the record to the result."""
+        facts = self.facts(checker)
+        result.records.append(facts)
+        for name, detector in self._detectors.items():
+            found = detector.found()
+            longest = result.standstills.get(name)
+            if found is not None and (longest is None or longest[1].readings < found.readings):
+                result.standstills[name] = (facts.label, found)
 
     def facts(self, checker: Checker) -> RecordFacts:
         values = {}

@@ -26,8 +26,16 @@ _MANY: Final = 10
 def notes(result: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[str]:
     """Return remarks on channels that are absent, constant or incomplete, and on gaps in time."""
     yield from _absent(layout, rig, assumed)
+    yield from impossible_notes(result, rig)
     for name, span in result.spans.items():
-        yield from _channel_notes(name, span, result.rows, layout)
+        yield from _channel_notes(name, span, result.rows - result.impossible.get(name, 0), layout)
+    for name, (label, still) in result.standstills.items():
+        value = show(still.value, layout.unit(name), difference=name in layout.differences)
+        where = f" in {describe_label(label)}" if len(result.records) > 1 else ""
+        yield (
+            f"{name} repeats one value exactly, {value}, from {still.begin:.6g} s to {still.end:.6g} s"
+            f"{where}, in {still.readings} readings, which its noise does not allow: was the sensor stuck?"
+        )
     for copy, original in copies_in(result):
         yield f"{copy} has the same samples as {original}; count only one of them: --only 'record != …'"
     broken = [record for record in result.records if record.gap is not None]
@@ -90,6 +98,17 @@ def _unit_on(name: str, rig: Rig) -> str:
     if name in rig.channels:
         return rig.channels[name].unit
     return rig.constants[name].unit.text if name in rig.constants else ""
+
+
+def impossible_notes(result: Survey, rig: Rig) -> Iterator[str]:
+    """Return remarks on readings outside the range of their channel."""
+    for name, count in result.impossible.items():
+        channel = rig.channels[name]
+        ends = " to ".join(show(end, channel.unit, difference=channel.difference) for end in channel.band)
+        if count == 1:
+            yield f"1 reading of {name} lies outside its range, {ends}: it is no value"
+        else:
+            yield f"{count} readings of {name} lie outside its range, {ends}: they are no values"
 
 
 def _channel_notes(name: str, span: Span, rows: int, layout: Layout) -> Iterator[str]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rigctl.dataset.importing.checks import marks_of, without_marks
+from rigctl.dataset.importing.checks import impossible, marks_of, to_si, without_marks
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.labels import read_label
@@ -69,6 +70,8 @@ class Observations:
             if column.unit is None or np.isnan(written):
                 continue
             value = column.unit.to_si(written, difference=column.difference)
+            if impossible(column, np.array([value])).any():
+                continue
             if _is_condition(column):
                 sweep[column.name] = (value, column.shown)
             else:
@@ -116,10 +119,21 @@ def take_observations(
     parts = [blanked(part, found) for part in parts]
     for column in assigned:
         _refuse_a_time(source, column, [part.columns[column.index] for part in parts if column.unit])
+    result.impossible = _impossible(assigned, parts)
     result.faults.sort(key=lambda fault: fault.line)
     result.bad_rows = len(result.faults) + more
     remarks = tuple(remark(column.name, found[column.index]) for column in assigned if column.index in found)
     return Observations(source, assigned, parts, result, remarks)
+
+
+def _impossible(assigned: Sequence[Assigned], parts: Sequence[Part]) -> dict[str, int]:
+    """Return the number of values outside the possible range, by channel; those without any are left out."""
+    counts: Counter[str] = Counter()
+    for column in assigned:
+        if column.possible is not None:
+            values = [to_si(column, part.columns[column.index]) for part in parts]
+            counts[column.name] += sum(int(impossible(column, one).sum()) for one in values)
+    return {name: count for name, count in counts.items() if count}
 
 
 def _refuse_a_time(source: Source, column: Assigned, values: Sequence[NDArray[np.float64]]) -> None:

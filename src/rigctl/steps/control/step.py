@@ -16,7 +16,7 @@ from rigctl.plan.setpoints import check_level, check_set_point
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
 from rigctl.plan.value_text import shown_time
-from rigctl.plan.values import RATE, AnyDifference, AnyTolerance, AnyValue, Duration, Rate
+from rigctl.plan.values import RATE, AnyDifference, AnyRate, AnyTolerance, AnyValue, Duration, Rate
 from rigctl.project import find_project
 from rigctl.rig import Actuator, Channel
 from rigctl.steps.control.action import EARLY, KEPT, Control
@@ -35,7 +35,7 @@ class ControlFields(Part):
     actuator: str = Field(description="the actuator to command: a driven level")
     channel: str = Field(description="the channel to control")
     to: AnyValue = Field(description="the set-point")
-    ramp: AnyDifference | None = Field(
+    ramp: AnyRate | None = Field(
         default=None,
         description="rate at which the set-point moves there from the first reading; by default at once",
         examples=["2 K/min"],
@@ -86,8 +86,8 @@ class ControlFields(Part):
     )
     low: AnyValue | None = Field(default=None, description="minimum output; by default that of the actuator")
     high: AnyValue | None = Field(default=None, description="maximum output; by default that of the actuator")
-    max_rate: AnyDifference | None = Field(
-        default=None, description="fastest change of the output, per second; by default that of the actuator"
+    max_rate: AnyRate | None = Field(
+        default=None, description="fastest change of the output; by default that of the actuator"
     )
     for_: Duration | None = Field(default=None, alias="for", description="duration, whatever the reading")
     within: AnyTolerance | None = Field(

@@ -132,7 +132,7 @@ class Proposer:
         watches, clock, alarms = Interlocks(self.rig), 0.0, list[Alarm]()
         for times, readings in self._courses(rival, values, recipe, rng):
             for time, row in zip(times, self._rows(times + clock, readings), strict=True):
-                alarms += [one for one in watches.check([time + clock, -1.0, *row]) if one.active]
+                alarms += [one for one in watches.check((time + clock, -1.0, *row)) if one.active]
             clock += float(times[-1]) + 1.0 / recipe.rate
         return [one for one in alarms if not one.name.endswith(" noise")]
 

@@ -1,0 +1,55 @@
+"""Counts what a record lacks: samples that did not come, and readings without a value."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from rigctl.plan.behaviour import Row
+from rigctl.plan.missing import Lack
+
+
+class Completeness:
+    """The samples of one record so far.
+
+    A bench that is asked for ``r`` samples a second owes ``r (t − t₀) + 1`` from its first sample at t₀ to
+    its newest at t. Their times may jitter: only their number counts.
+
+    Parameters
+    ----------
+    channels: names and columns of the channels of the record.
+    rate: r, Hz.
+    """
+
+    def __init__(self, channels: Mapping[str, int], rate: float) -> None:
+        self._columns = channels
+        self._rate = rate
+        self._first = self._newest = 0.0
+        self._rows = 0
+        self._without = dict.fromkeys(channels, 0)
+
+    def add(self, row: Row, *, possible: bool) -> None:
+        """Count a sample; `possible`: every channel has a value."""
+        if not self._rows:
+            self._first = row[0]
+        self._newest = row[0]
+        self._rows += 1
+        if not possible:
+            for name, column in self._columns.items():
+                value = row[column]
+                self._without[name] += value != value  # noqa: PLR0124 - only NaN differs from itself
+
+    def lacks(self) -> list[Lack]:
+        """Return what is missing: samples, then the readings of each channel."""
+        found = []
+        due = int((self._newest - self._first) * self._rate + 0.5) + 1 if self._rows else 0
+        if due > self._rows:
+            found.append(Lack("samples", due - self._rows, due))
+        found += [
+            Lack(f"readings of {name}", count, self._rows) for name, count in self._without.items() if count
+        ]
+        return found
+
+
+def worst(lacks: Collection[Lack]) -> float:
+    """Return the largest missing share; 0 if nothing is missing."""
+    return max((lack.share for lack in lacks), default=0.0)
