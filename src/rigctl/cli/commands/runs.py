@@ -407,6 +407,8 @@ def _records_table(records: Sequence[Mapping[str, Any]], facts: Mapping[str, Map
     hidden = {"path", "rate", "session"}
     if not any(record["excluded"] for record in records):
         hidden.add("excluded")
+    if not any(record.get("missing") for record in records):
+        hidden.add("missing")
     passed = {fact["variable"]: name for name, fact in facts.items() if fact.get("kind") == "passed"}
     names = [name for name in facts if name not in hidden and name not in passed.values()]
     units = {name: facts[name].get("unit", "") for name in names}
