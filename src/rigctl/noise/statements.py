@@ -11,7 +11,7 @@ _FROM = {
     "replicates": "differences between replicates and quiet stretches",
     "quiet": "quiet stretches of the records",
     "residuals": "the model's residuals within short windows",
-    "differences": "differences between neighbouring rows, which cannot show correlation",
+    "differences": "differences between neighbouring readings, which cannot show correlation",
     "floor": "differences of rising order, which show its white part alone",
     "rig": "the rig file",
     "assumed": "nothing but a guess: neither the data nor the rig file determines it",

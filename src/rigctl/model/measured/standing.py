@@ -54,6 +54,8 @@ _STILL = 0.3
 _STEADY = 0.05
 #: share of a channel's variance that a model must explain before its predictions say where the bench rests
 _FOLLOWS = 0.5
+#: windows whose neighbouring readings are correlated by less hold no signal
+_WHITE = 0.1
 #: least length of a rest that shows slow noise, as a share of its record
 _LONG_REST = 0.1
 #: a channel that varies by less than this many times its floor rests all the time
@@ -239,6 +241,9 @@ class _Evidence:
         """One channel's noise by the best of what is known of it."""
         if channel.allowed or channel.remark:  # already decided
             return channel
+        if channel.own_scale and self._at_rest_throughout(index, channel):
+            new = replace(channel, source="differences")
+            return new.stated(channel_statement(new, None))
         slow = isinstance(stated, StatedNoise) and stated.slow is not None
         if not slow:  # windows cannot show what changes over longer times than theirs
             shown = self._shown(index, channel)
@@ -270,9 +275,24 @@ class _Evidence:
         )
         return new.stated(channel_statement(new, None))
 
+    def _at_rest_throughout(self, index: int, channel: ChannelNoise) -> bool:
+        """Whether nothing moves within any record: a few readings at each of many operating points.
+
+        They are too few for windows; and what differs between them is all the noise that there is.
+        """
+        for record, good in zip(self.measurements.records, self.noise.ok, strict=True):
+            values = record.values[good[:, index], index]
+            if values.size > LENGTH or (record.along and not _constant_inputs(record)):
+                return False
+            if values.size and float(np.std(values)) > _MOVES * channel.floor:
+                return False
+        return True
+
     def _at_rest(self, index: int, channel: ChannelNoise) -> Pooled | None:
         """The noise of the windows in which nothing moves."""
-        masks = [self._rest(k, index, channel.floor) for k in range(len(self.records))]
+        # windows that show white noise hold no signal, whatever the model says of them
+        white = channel.correlation * (1.0 - channel.white) < _WHITE
+        masks = [self._rest(k, index, channel.floor, white=white) for k in range(len(self.records))]
         long = [max(LENGTH, _LONG_REST * mask.shape[0]) for mask in masks]
         if not any(_longest(mask[:, index]) >= least for mask, least in zip(masks, long, strict=True)):
             return None  # too short a rest to show anything as slow as the record
@@ -285,7 +305,7 @@ class _Evidence:
         groups, cells = cut_windows(self.records, self.noise.ok, index, spacing)
         return pool(contrasts(groups), [], len(cells))
 
-    def _rest(self, k: int, index: int, floor: float) -> NDArray[np.bool_]:
+    def _rest(self, k: int, index: int, floor: float, *, white: bool) -> NDArray[np.bool_]:
         """(n, outputs) the readings of a record in windows in which nothing moves."""
         record, predicted = self.measurements.records[k], self.outputs[k][:, index]
         good = self.noise.ok[k]
@@ -296,7 +316,7 @@ class _Evidence:
             window = values[first:last]
             if not np.isfinite(window).any():
                 continue
-            flat = float(np.nanstd(window)) <= _FLAT * spread or spread <= _MOVES * floor
+            flat = white or float(np.nanstd(window)) <= _FLAT * spread or spread <= _MOVES * floor
             still = follows and _off_trend(predicted[first:last]) <= _STILL * floor
             if flat or still:
                 mask[first:last, index] = good[first:last, index]
@@ -389,6 +409,14 @@ def _course_spans(measurements: Measurements) -> dict[int, float]:
         for index in record.along:
             courses.setdefault(index, []).append(record.input_course(index))
     return {index: float(np.ptp(np.concatenate(each))) for index, each in courses.items()}
+
+
+def _constant_inputs(record: MeasuredRecord) -> bool:
+    """Whether the inputs that may change continuously hardly do in a record."""
+    return all(
+        float(np.ptp(course)) <= _STEADY * max(float(np.max(np.abs(course))), 1e-300)
+        for course in map(record.input_course, record.along)
+    )
 
 
 def _longest(mask: NDArray[np.bool_]) -> int:
