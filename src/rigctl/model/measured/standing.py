@@ -296,7 +296,8 @@ class _Evidence:
         long = [max(LENGTH, _LONG_REST * mask.shape[0]) for mask in masks]
         if not any(_longest(mask[:, index]) >= least for mask, least in zip(masks, long, strict=True)):
             return None  # too short a rest to show anything as slow as the record
-        data = ChannelData(self.records, masks, index, self.noise.model.spacing, channel.step)
+        used = [mask & good for mask, good in zip(masks, self.noise.ok, strict=True)]
+        data = ChannelData(self.records, used, index, self.noise.model.spacing, channel.step)
         return learn_noise(data)
 
     def _between(self, index: int, channel: ChannelNoise) -> Pooled | None:
@@ -306,7 +307,7 @@ class _Evidence:
         return pool(contrasts(groups), [], len(cells))
 
     def _rest(self, k: int, index: int, floor: float, *, white: bool) -> NDArray[np.bool_]:
-        """(n, outputs) the readings of a record in windows in which nothing moves."""
+        """(n, outputs) the samples of a record in windows in which nothing moves, spikes included."""
         record, predicted = self.measurements.records[k], self.outputs[k][:, index]
         good = self.noise.ok[k]
         values = np.where(good[:, index], record.values[:, index], np.nan)
@@ -319,7 +320,7 @@ class _Evidence:
             flat = white or float(np.nanstd(window)) <= _FLAT * spread or spread <= _MOVES * floor
             still = follows and _off_trend(predicted[first:last]) <= _STILL * floor
             if flat or still:
-                mask[first:last, index] = good[first:last, index]
+                mask[first:last, index] = True
         return mask
 
     def _follows(self, index: int) -> tuple[bool, float]:
