@@ -207,7 +207,7 @@ def _channels(model: ModelComparison) -> Table:
             f"{significant(100 * share, 2)} %" if share else significant(one["noise"], 3),
             escape(one["unit"]),
             f"{one['nrmse']:.3f}",
-            f"{one['chi2_reduced']:.3f}",
+            "" if one["noise_source"] == "floor" else f"{one['chi2_reduced']:.3f}",
             _shown(one["r2"], ".5f"),
             one["noise_source"],
             str(one["masked"] or ""),
@@ -234,7 +234,8 @@ def _side_by_side(models: Sequence[ModelComparison]) -> Table:
                     for cell, unit in zip(cells, units, strict=True)
                 ]
                 grid.add_row(f"  {label}", *shown)
-    grid.add_row("reduced χ²", *(significant(model.fit.chi2_reduced) for model in models))
+    if not any(one.own_scale for model in models for one in model.fit.problem.noise.channels):
+        grid.add_row("reduced χ²", *(significant(model.fit.chi2_reduced) for model in models))
     for test in _ASKS:
         tests = [model.adequacy.tests.get(test) for model in models]
         if any(tests):

@@ -10,7 +10,8 @@ from rigctl.units import parse_unit
 def model_error(fit: FitResult) -> ModelError:
     """Root mean square error of each channel, fitted and held out, and the noise as its lower limit.
 
-    In the units in which the channels are shown; for a temperature in kelvin.
+    In the units in which the channels are shown; for a temperature in kelvin. Without χ² where a channel's
+    noise is known only as a floor: what a model leaves is then its own scale, and χ² compares no two models.
     """
     measurements = fit.problem.measurements
     shown = dict(zip(measurements.outputs, measurements.units, strict=True))
@@ -19,6 +20,6 @@ def model_error(fit: FitResult) -> ModelError:
         {name: error.rmse for name, error in fit.errors.items()},
         units,
         heldout_rmse={name: error.rmse for name, error in fit.heldout_errors.items()},
-        chi2_reduced=fit.chi2_reduced,
+        chi2_reduced=None if any(one.own_scale for one in fit.problem.noise.channels) else fit.chi2_reduced,
         noise={name: error.noise for name, error in fit.errors.items()},
     )

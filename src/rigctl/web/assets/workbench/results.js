@@ -52,7 +52,7 @@ const beside = (result) => {
         [plain(name), cell(first, name), cell(last, name), `${figure(last.channels[name].noise)} ${last.channels[name].unit}`],
         ...(held(last, name) === null ? [] : [[`${plain(name)}, held out`, figure(held(first, name)), figure(held(last, name)), ""]]),
       ]),
-      ["reduced χ²", figure(first.chi2_reduced), figure(last.chi2_reduced), "1"],
+      ...(Object.values(last.channels).some((one) => one.noise_source === "floor") ? [] : [["reduced χ²", figure(first.chi2_reduced), figure(last.chi2_reduced), "1"]]),
     ]),
     ...(result.residuals ? [h("h3", {}, "What each leaves"), h("p", { class: "note" }, result.residuals.record), ...inSigmas(result.residuals)] : []),
   ];
@@ -63,7 +63,7 @@ export const comparison = (result) => (result.models?.length > 1 ? beside(result
 const agreement = (result) => [
   h("p", { class: `statement ${agreementTone(result)}` }, result.statement),
   decidedBy(result),
-  table("By channel", ["channel", "RMSE", "noise", "RMSE/noise", "bias", "χ²"], Object.entries(result.channels).map(([name, one]) => [plain(name), `${figure(one.rmse)} ${one.unit}`, `${figure(one.noise)} ${one.unit}`, figure(one.nrmse, 3), `${figure(one.bias, 2)} ${one.unit}`, figure(one.chi2_reduced, 4)])),
+  table("By channel", ["channel", "RMSE", "noise", "RMSE/noise", "bias", "χ²"], Object.entries(result.channels).map(([name, one]) => [plain(name), `${figure(one.rmse)} ${one.unit}`, `${figure(one.noise)} ${one.unit}`, figure(one.nrmse, 3), `${figure(one.bias, 2)} ${one.unit}`, figure(one.noise_source === "floor" ? null : one.chi2_reduced, 4)])),
   fold("Where it fails, and the tests",
     table("Where it fails", ["", "share of the error", "error/noise", "p"], result.where.slice(0, 12).map((one) => [`${one.by} ${one.label}`, percent(one.share_of_error), figure(one.rmse, 3), chance(one.p_value)])),
     table("Tests", ["", "statistic", "p"], Object.entries(result.tests).map(([name, one]) => [name, figure(one.statistic, 4), chance(one.p_value)])),
