@@ -64,7 +64,7 @@ def test_a_hidden_effect_is_found_and_adding_it_reduces_the_error_on_held_out_re
         told("import", str(log), "--rig", "rig.yaml")
         found = answer("diagnose", "latest", "--model", "model.yaml", "--hold-out", bench.hold_out)
         assert found["verdict"] in ("missing_effect", "ambiguous"), found["statement"]
-        if name in ALONE:
+        if name in ALONE - {"chain"}:  # of the chain two losses fit as well, and both are named
             assert found["verdict"] == "missing_effect", found["statement"]
         assert len(found["effects"]) == 1, found["statement"]
         named = {*found["effects"], *(member for group in found["classes"] for member in group)}

@@ -97,7 +97,7 @@ def test_answers_have_the_documented_names(
         ("trends", compared["trends"][0]),
         ("slots", compared["slots"][0]),
     ):
-        assert set(of_model[field]) - {"score", "plane", "chi2"} <= set(one)
+        assert set(of_model[field]) - {"score", "plane", "chi2", "inputs"} <= set(one)
     of_diagnosis = documented(page, "| field |")
     assert set(of_diagnosis) <= set(diagnosed)
     inner = {"value", "unit", "std", "unusual", "record"}  # of a parameter; and a word that a field may hold

@@ -13,7 +13,7 @@ _FROM = {
     "residuals": "the model's residuals within short windows",
     "differences": "differences between neighbouring readings, which cannot show correlation",
     "floor": "differences of rising order, which show its white part alone",
-    "rig": "the rig file",
+    "rig": "the rig file: the data do not determine it",
     "assumed": "nothing but a guess: neither the data nor the rig file determines it",
 }
 

@@ -67,9 +67,7 @@ _ABOVE = 1.4
 #: ... and by a model whose error is less than this share of it
 _BELOW = 0.5
 #: a statement off by more than this factor is a wrong unit
-_UNUSABLE = 20.0
-#: degrees of freedom of a stated noise: it is good to a quarter
-_STATED_DEGREES = 8
+_UNUSABLE = 100.0
 #: largest share of the independent readings that counts as spent on unknowns
 _MOST_SPENT = 0.6
 #: residuals count as white if the portmanteau test does not reject at this level
@@ -349,8 +347,8 @@ class _Evidence:
             factor = channel.floor / white if white else math.inf
             remark = f"its white noise alone is {_times(factor)} what the rig file states"
         new = _floor_only(channel, remark)
-        if new.source != "floor":  # nothing is measured, so the statement is all that is known
-            return replace(channel, sigma=total, source="rig", guessed=False, degrees=_STATED_DEGREES)
+        if not new.own_scale:  # nothing is measured: the statement is all that is known, as it was taken
+            return channel
         if remark:
             return replace(new, unusable=factor > _UNUSABLE)
         new = replace(new, allowed=total, over=over)
