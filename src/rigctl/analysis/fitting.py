@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -36,6 +35,8 @@ from rigctl.model.model import Model
 
 #: share of a channel's variance below which a model has not locked on to it, and number of starts then tried
 _LOCKED, _STARTS = 0.3, 6
+#: a channel whose error is less than this many times its noise hardly moves
+_MOVES = 3.0
 #: correlation of neighbouring readings beyond which a weight may be wrong, and ratio of two errors of one
 #: model from which it was
 _CORRELATED, _WORSE = 0.3, 1.1
@@ -320,8 +321,8 @@ def _locked_on(fitted: FitResult, on_progress: OnProgress) -> FitResult:
     An oscillation of the wrong frequency, or a lag longer than the record, leaves a local minimum in which a
     model predicts hardly more than a mean.
     """
-    worst = min((one.r2 for one in fitted.errors.values() if math.isfinite(one.r2)), default=1.0)
-    if worst > _LOCKED or not fitted.problem.shared or fitted.solution is None:
+    lost = [one for one in fitted.errors.values() if one.r2 < _LOCKED and one.nrmse > _MOVES]
+    if not lost or not fitted.problem.shared or fitted.solution is None:
         return fitted
     on_progress(f"Fitting {fitted.problem.model.name} from other starting values")
     with suppress(RigctlError):  # no start can be simulated: the first fit is kept
