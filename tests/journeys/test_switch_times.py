@@ -194,9 +194,6 @@ def test_a_motor_with_its_true_parameters_has_an_error_equal_to_the_noise(
         assert found["channels"]["current"]["rmse"] == pytest.approx(CURRENT_NOISE, rel=0.1)
 
 
-@pytest.mark.xfail(
-    reason="steps of a fast current every third sample look like white noise to differences of any order"
-)
 def test_a_record_with_a_hundred_steps_is_fitted_with_accurate_parameters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
