@@ -93,7 +93,7 @@ LONGEST = (
 
 @cache
 def _open_failures() -> tuple[tuple[str, str], ...]:
-    """The tests in ``open_failures.txt``: beginning of the id, and why it fails. Each is a debt to be paid."""
+    """The tests in ``open_failures.txt``: beginning of the id, and why it fails."""
     lines = (Path(__file__).parent / "open_failures.txt").read_text("utf-8").splitlines()
     pairs = [line.split(" | ", 1) for line in lines if line and not line.startswith("#")]
     return tuple((name, why) for name, why in pairs)
