@@ -11,7 +11,9 @@ from typing import Any, cast
 from rigctl.analysis.diagnosis_result import Diagnosis, Exclusion, Verdict
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "json-answers.md"
-BEFORE: Any = SimpleNamespace(statement="", findings=(), adequate=True, adequacy=SimpleNamespace(p_value=0.5))
+BEFORE: Any = SimpleNamespace(
+    statement="", findings=(), adequate=True, channels=dict, adequacy=SimpleNamespace(p_value=0.5)
+)
 
 
 def diagnosis(excluded: tuple[Exclusion, ...]) -> Diagnosis:
