@@ -197,7 +197,7 @@ def _common_clock(
     """
     import numpy as np
 
-    first, wave = next(iter(waveforms.items()))
+    (first, wave), *_ = waveforms.items()
     steps = {(one.step, one.offset) for one in waveforms.values()}
     if len(steps) > 1:
         raise RigctlError(
