@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from open_range import without_ranges
 from rigctl.dataset import Run, Switch, list_runs, open_run, verify
 from rigctl.dataset.importing import Imported, import_file
 from rigctl.errors import RigctlError, SeveralErrors
@@ -361,8 +362,9 @@ def test_imports_of_one_file_at_the_same_time_are_runs_of_their_own(importer: Im
 )
 @settings(max_examples=25)
 def test_an_imported_run_has_the_content_of_its_file(
-    tmp_path_factory: pytest.TempPathFactory, rig: Rig, rows: list[tuple[float, float | None, int]]
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float | None, int]]
 ) -> None:
+    rig = without_ranges(RIG)
     time, lines = 0.0, ["time [s],position [m],valve"]
     expected = []
     for step, position, valve in rows:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from open_range import without_ranges
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import Options, import_file
 from rigctl.errors import RigctlError
-from rigctl.rig import Rig, load_rig
+from rigctl.rig import Rig
 
 BOARD = Path(__file__).parents[3] / "rigs" / "heater-board.yaml"
 ROWS = 12
@@ -21,7 +22,7 @@ DUTIES = [0.0 if k < 4 else 60.0 for k in range(ROWS)]
 
 @pytest.fixture(scope="module")
 def board() -> Rig:
-    return load_rig(BOARD)
+    return without_ranges(BOARD)
 
 
 def imported(

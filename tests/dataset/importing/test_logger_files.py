@@ -14,11 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from open_range import without_ranges
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import Options, import_file, import_files, read_table
 from rigctl.dataset.importing.table import PART_ROWS
 from rigctl.errors import RigctlError, SeveralErrors
-from rigctl.rig import Rig, load_rig
+from rigctl.rig import Rig
 
 BOARD = Path(__file__).parents[3] / "rigs" / "heater-board.yaml"
 T1 = "temperature_1 [degC]"
@@ -26,7 +27,7 @@ T1 = "temperature_1 [degC]"
 
 @pytest.fixture(scope="module")
 def board() -> Rig:
-    return load_rig(BOARD)
+    return without_ranges(BOARD)
 
 
 class Desk:

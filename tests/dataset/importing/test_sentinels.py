@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from open_range import without_ranges
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import Options, import_file, read_table
-from rigctl.rig import Rig, load_rig
+from rigctl.rig import Rig
 
 BOARD = Path(__file__).parents[3] / "rigs" / "heater-board.yaml"
 TIMES = np.arange(600.0)
@@ -19,7 +20,7 @@ READINGS = 20.0 + np.sin(TIMES / 50.0)
 
 @pytest.fixture(scope="module")
 def board() -> Rig:
-    return load_rig(BOARD)
+    return without_ranges(BOARD)
 
 
 def written(path: Path, readings: np.ndarray) -> Path:
