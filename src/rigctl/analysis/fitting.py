@@ -258,16 +258,16 @@ def _spikes_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
 
 
 def _standing(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
-    return with_standing(noise, fitted.problem.measurements, fitted.outputs)
+    return with_standing(noise, fitted.problem.measurements, fitted.likely_outputs)
 
 
 def _noise_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
-    return with_noise_off_model(noise, fitted.problem.measurements, fitted.outputs)
+    return with_noise_off_model(noise, fitted.problem.measurements, fitted.likely_outputs)
 
 
 def _left(fitted: FitResult, noise: DataNoise) -> DataNoise | None:
     return with_what_is_left(
-        noise, fitted.problem.measurements, fitted.outputs, fitted.fitted, unknowns=fitted.unknowns
+        noise, fitted.problem.measurements, fitted.likely_outputs, fitted.fitted, unknowns=fitted.unknowns
     )
 
 

@@ -100,7 +100,7 @@ def _series(fit: FitResult, column: int) -> tuple[list[Floats], dict[str, list[F
     for k in fit.fitted:
         record = problem.records[k]
         error = np.where(
-            problem.ok[k][:, column], fit.outputs[k][:, column] - record.values[:, column], np.nan
+            problem.ok[k][:, column], fit.likely_outputs[k][:, column] - record.values[:, column], np.nan
         )
         pieces = list(even_pieces(record.times, error, problem.noise.spacing))
         errors += pieces

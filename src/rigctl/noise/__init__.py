@@ -2,7 +2,7 @@
 
 from rigctl.noise.edges import find_edges
 from rigctl.noise.estimate import estimate_noise, floor_of, spikes_of, usual_spacing
-from rigctl.noise.floor import Floor, even_pieces, floor_of_residuals, white_floor
+from rigctl.noise.floor import Floor, even_pieces, floor_of_residuals, plateau, white_floor
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source, Standing
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.residual_noise import ModelResiduals, Width, width_off_model
@@ -39,6 +39,7 @@ __all__ = [
     "floor_of",
     "floor_of_residuals",
     "model_statement",
+    "plateau",
     "portmanteau",
     "recounted",
     "row_noise",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rigctl.noise.channel_noise import ChannelData, learn_noise
 from rigctl.noise.converter import find_step, stretch_bias
-from rigctl.noise.floor import Floor, even_pieces, white_floor
+from rigctl.noise.floor import LEAST_ORDERS, Floor, even_pieces, white_floor
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.pooling import Pooled
 from rigctl.noise.record import NoiseRecord
@@ -117,7 +117,7 @@ def _channel_noise(
     values = [record.values[good[:, channel], channel] for record, good in zip(records, ok, strict=True)]
     step = find_step(values)
     size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
-    floor = floor_of(records, ok, channel, spacing)
+    floor = floor_of(records, ok, channel, spacing, coarse=bool(step))
     if floor is not None and floor.sigma <= max(_ROUNDING * size, step / float(np.sqrt(12.0))):
         floor = replace(floor, sigma=step / float(np.sqrt(12.0))) if step else None
     pooled = _learnt(ChannelData(records, ok, channel, spacing, step))
@@ -205,17 +205,40 @@ def _with_steps(sigma: float, step: float) -> tuple[float, float]:
 
 
 def floor_of(
-    records: Sequence[NoiseRecord], ok: Sequence[NDArray[np.bool_]], channel: int, spacing: float
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    spacing: float,
+    *,
+    coarse: bool = False,
 ) -> Floor | None:
-    """The white floor of one channel over all records; None if there are too few readings."""
-    pieces = [
-        piece
-        for record, good in zip(records, ok, strict=True)
-        for piece in even_pieces(
-            record.times, np.where(good[:, channel], record.values[:, channel], np.nan), spacing
-        )
-    ]
-    return white_floor(pieces)
+    """The white floor of one channel over all records; None if there are too few readings.
+
+    A difference across a switch holds what the bench answers to it. Where commands change every few samples,
+    that is nearly every difference, and the answers look as white as noise: they are left out. If the
+    periods between switches are too short for a plateau, differences across switches give an upper bound.
+    """
+    within, across = (
+        white_floor(list(_pieces(records, ok, channel, spacing, cut=cut)), coarse=coarse)
+        for cut in (True, False)
+    )
+    if within is not None and len(within.orders) >= LEAST_ORDERS:
+        return within
+    return None if across is None else replace(across, order=0)
+
+
+def _pieces(
+    records: Sequence[NoiseRecord],
+    ok: Sequence[NDArray[np.bool_]],
+    channel: int,
+    spacing: float,
+    *,
+    cut: bool,
+) -> Iterator[NDArray[np.float64]]:
+    """Stretches without a gap, and if `cut` without a switch."""
+    for record, good in zip(records, ok, strict=True):
+        values = np.where(good[:, channel], record.values[:, channel], np.nan)
+        yield from even_pieces(record.times, values, spacing, record.phase if cut else None)
 
 
 def _without_windows(

@@ -29,6 +29,8 @@ Floats = NDArray[np.float64]
 _ORDERS = range(1, 9)
 #: a plateau begins where the next order, and the one after it, differ by no more than these shares
 _NEXT, _AFTER = 0.10, 0.15
+#: number of orders of which a plateau consists
+LEAST_ORDERS = 3
 #: least number of differences of an order
 _FEWEST = 20
 #: two neighbouring times are consecutive if they differ from the usual spacing by no more than this share
@@ -37,6 +39,9 @@ _EVEN = 0.3
 _MEDIAN = 0.6745
 #: efficiency of the median of absolute values as an estimate of a standard deviation
 _EFFICIENCY = 0.37
+#: of a converter with coarse steps: share of the differences that is kept, E[z²] of a standard normal z whose
+#: absolute value is among that share, and the efficiency of their root mean square
+_KEPT, _KEPT_SQUARE, _KEPT_EFFICIENCY = 0.9, 0.623, 0.78
 #: number of samples over which the overlap of differences is computed
 _STRETCH = 40
 
@@ -64,7 +69,7 @@ class Floor:
         return self.order > 0
 
 
-def white_floor(pieces: Sequence[Floats]) -> Floor | None:
+def white_floor(pieces: Sequence[Floats], *, coarse: bool = False) -> Floor | None:
     """The white floor of evenly sampled pieces of one channel; None if there are too few readings.
 
     ``s_k = median|d_k|/(0.6745·‖w_k‖)``, d_k the differences of order k with the weights
@@ -73,20 +78,24 @@ def white_floor(pieces: Sequence[Floats]) -> Floor | None:
     Parameters
     ----------
     pieces: readings (SI) without gaps, each in order of time, see `even_pieces`.
+    coarse: the readings are a converter's steps, so that differences take few values. A median would be one
+        of these; the root mean square of the smallest nine tenths varies continuously.
     """
+    scale = _trimmed_scale if coarse else _median_scale
+    efficiency = _KEPT_EFFICIENCY if coarse else _EFFICIENCY
     scales: list[float] = []
     counts: list[int] = []
     for order in _ORDERS:
         differences = _differences(pieces, order)
         if differences.size < _FEWEST:
             break
-        scales.append(float(np.median(np.abs(differences))) / (_MEDIAN * _norm(order)))
+        scales.append(scale(differences) / _norm(order))
         counts.append(differences.size)
     if not scales:
         return None
-    order = _plateau(scales)
+    order = plateau(scales)
     at = (order or len(scales)) - 1
-    degrees = int(_EFFICIENCY * counts[at] * _share_of_degrees(at + 1))
+    degrees = int(efficiency * counts[at] * _share_of_degrees(at + 1))
     return Floor(scales[at], order, max(degrees, 1), tuple(scales))
 
 
@@ -103,22 +112,41 @@ def floor_of_residuals(pieces: Sequence[Floats], order: int) -> tuple[float, int
     return scale, max(1, int(differences.size * _share_of_degrees(order)))
 
 
-def even_pieces(times: Floats, values: Floats, spacing: float) -> Iterator[Floats]:
-    """The readings between gaps and missing values: stretches of a record with even sampling."""
+def even_pieces(
+    times: Floats, values: Floats, spacing: float, periods: NDArray[np.intp] | None = None
+) -> Iterator[Floats]:
+    """The readings between gaps and missing values: stretches of a record with even sampling.
+
+    Parameters
+    ----------
+    periods: number of the period of constant commands to which each reading belongs; no stretch then holds
+        readings of two.
+    """
     good = np.isfinite(values)
     joined = good[1:] & good[:-1] & (np.abs(np.diff(times) - spacing) <= _EVEN * spacing)
+    if periods is not None:
+        joined &= np.diff(periods) == 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
     for first, last in edges.reshape(-1, 2).tolist():
         yield values[first : last + 1]
 
 
-def _plateau(scales: Sequence[float]) -> int:
-    """The lowest order from which two further ones agree; 0 if there is none."""
+def plateau(scales: Sequence[float]) -> int:
+    """The lowest order, from 1, from which the scaled differences of two further ones agree; 0 if none."""
     for index in range(len(scales) - 2):
         this, following, after = scales[index : index + 3]
         if this > 0.0 and abs(following / this - 1.0) < _NEXT and abs(after / this - 1.0) < _AFTER:
             return index + 1
     return 0
+
+
+def _median_scale(differences: Floats) -> float:
+    return float(np.median(np.abs(differences))) / _MEDIAN
+
+
+def _trimmed_scale(differences: Floats) -> float:
+    squares = np.sort(differences**2)[: int(_KEPT * differences.size)]
+    return math.sqrt(float(np.mean(squares)) / _KEPT_SQUARE)
 
 
 def _differences(pieces: Sequence[Floats], order: int) -> Floats:

@@ -93,6 +93,17 @@ class Whitener:
         return replace(self, log_determinant=self.log_determinant + more, _scatter=scatter)
 
 
+    def scatter_in(self, errors: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, channels) the part of errors (n, channels) that is most likely scatter, ``Σ â_k·columns_k``.
+
+        ``â = (1 + DᵀD)⁻¹·Dᵀ·W·e``, D the whitened columns: the mean of a_k ~ N(0, 1) given the errors.
+        """
+        alone = replace(self, _scatter=None)
+        white = alone(columns)
+        sizes = np.linalg.solve(np.eye(white.shape[1]) + white.T @ white, white.T @ alone(errors))
+        return np.asarray(columns @ sizes)
+
+
 def whiten(
     noise: NoiseModel,
     times: NDArray[np.float64],

@@ -5,6 +5,8 @@ can, and a right FMU that starts one standard deviation of the noise beside the 
 
 For the same reason a record counts only if the two differ by more than a fit can absorb. With k free values
 in a record, its own and its part of the shared ones, a fit lowers χ² by k ± √(2k) although nothing is better.
+
+Where only the white floor of a channel's noise is known, χ² is in units of what the better of the two leaves.
 """
 
 from __future__ import annotations
@@ -21,11 +23,14 @@ from numpy.typing import NDArray
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import in_unit
 from rigctl.analysis.decision_levels import ALPHA, QUANTILE
+from rigctl.analysis.fitting import noise_in
 from rigctl.analysis.fmu_rival.run import PATIENCE, FmuOutputs, run_fmu
 from rigctl.errors import RigctlError
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.errors import ChannelError, channel_errors, whitened_residual
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.standing import with_what_is_left
 
 Floats = NDArray[np.float64]
 
@@ -130,7 +135,8 @@ def judge_fmu(
     indices = fitted.held_out or fitted.fitted
     theirs, ours = _alike(fitted, simulated)
     names = [name for name in problem.measurements.outputs if name in simulated.outputs]
-    differences = [_difference(fitted, theirs, ours, index) for index in indices]
+    problem = _in_scale_of_better(fitted, theirs, ours, indices)
+    differences = [_difference(fitted, problem, theirs, ours, index) for index in indices]
     nearer, further = (sum(sign == wanted for sign in differences) for wanted in (-1, 1))
     fmu_errors, model_errors = (
         channel_errors(problem, theirs, indices),
@@ -171,9 +177,29 @@ def _alike(fitted: FitResult, simulated: FmuOutputs) -> tuple[Sequence[Floats], 
     return theirs, ours
 
 
-def _difference(fitted: FitResult, theirs: Sequence[Floats], ours: Sequence[Floats], index: int) -> int:
-    """-1 if the FMU is nearer in a record, 1 if the model is, 0 if a fit could cause the difference."""
+def _in_scale_of_better(
+    fitted: FitResult, theirs: Sequence[Floats], ours: Sequence[Floats], indices: Sequence[int]
+) -> Problem:
+    """The problem with what the better of the two leaves of a channel as the scale of its errors."""
     problem = fitted.problem
+
+    def squares(outputs: Sequence[Floats]) -> Floats:
+        errors = [
+            np.where(problem.ok[k], outputs[k] - problem.records[k].values, 0.0) / problem.sigma[k]
+            for k in indices
+        ]
+        return np.asarray(np.square(np.concatenate(errors)).sum(axis=0))
+
+    nearer = squares(theirs) < squares(ours)
+    better = [np.where(nearer, one, other) for one, other in zip(theirs, ours, strict=True)]
+    noise = with_what_is_left(noise_in(fitted), problem.measurements, better, indices)
+    return problem if noise is None else problem.for_model(problem.model, noise.model, noise.ok)
+
+
+def _difference(
+    fitted: FitResult, problem: Problem, theirs: Sequence[Floats], ours: Sequence[Floats], index: int
+) -> int:
+    """-1 if the FMU is nearer in a record, 1 if the model is, 0 if a fit could cause the difference."""
     fmu_chi2, model_chi2 = (
         float(np.square(whitened_residual(problem, outputs[index], index)).sum())
         for outputs in (theirs, ours)

@@ -95,6 +95,20 @@ class FitResult:
         return np.where(problem.ok[index], error, np.nan)
 
     @cached_property
+    def likely_outputs(self) -> tuple[Floats, ...]:
+        """The outputs with scatter that is no unknown, see `Problem.scatter`, at its most likely values."""
+        problem = self.problem
+        if problem.scatter is None:
+            return self.outputs
+        return tuple(
+            output
+            - whitener.scatter_in(np.where(good, output - np.where(good, record.values, 0.0), 0.0), columns)
+            for output, whitener, columns, record, good in zip(
+                self.outputs, problem.whiteners, problem.scatter, problem.records, problem.ok, strict=True
+            )
+        )
+
+    @cached_property
     def model(self) -> Model:
         """The model with the fitted values, their standard deviations and the runs from which they come."""
         known = set(self.problem.model.fitted) if self.solution is not None else set()

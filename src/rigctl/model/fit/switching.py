@@ -6,9 +6,10 @@ switch of a kind in a campaign: the command acted at the preceding sample, betwe
 with which it is recorded (−½, 0, ½; up to 3/2 if commands are recorded a sample early). Kinds are switches to
 a larger value, to a smaller one and to 0: switches on by a host, for example, and off by a board's clock. d
 is each switch's own. Both have the variance of a uniform distribution over the interval as their prior, and
-both have exact derivatives: see `rigctl.engine.excitation.Excitation.shifts`. A record with many switches has
-one d for all of them, and the rest of each is part of the noise: a hundred unknowns would be slow and
-useless.
+both have exact derivatives: see `rigctl.engine.excitation.Excitation.shifts`. A record with hundreds of
+switches has one d for all of them, and the rest of each is part of the noise, to first order. Where a time
+constant is as short as the sampling interval that is a poor approximation, so up to a hundred are unknowns:
+they are eliminated record by record and cost little more than the simulation does.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ HABITS = tuple(qualified(RECORD, name) for name in SWITCHING)
 #: common shift of all switches of one record, s
 ALL = qualified(RECORD, "switches")
 #: largest number of switches with an unknown each
-MOST_SWITCHES = 6
+MOST_SWITCHES = 100
 
-#: largest number of a record's switches whose times scatter
+#: largest number of a record's switches whose times scatter as part of the noise
 _MOST_SCATTERED = 60
 #: standard deviation of a uniform distribution, in half-widths
 _UNIFORM = 1.0 / math.sqrt(3.0)

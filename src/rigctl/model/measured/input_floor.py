@@ -15,6 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.noise import plateau
+
 Floats = NDArray[np.float64]
 
 #: most values of a signal that only takes a few levels
@@ -24,8 +26,6 @@ HELD = 0.8
 #: a floor above this share of the standard deviation may be the motion itself
 _MOST = 0.2
 _ORDERS = 8
-#: agreement of a floor with those of the next two orders
-_NEXT, _AFTER = 0.10, 0.15
 _FEWEST = 24
 
 
@@ -50,12 +50,9 @@ def has_few_levels(records: Sequence[Floats]) -> bool:
 
 def _white_floor(records: Sequence[tuple[Floats, Floats]]) -> float | None:
     """The scaled deviation of a difference from the order on at which it no longer falls."""
-    scales = np.array([_scale(records, order) for order in range(1, _ORDERS + 1)])
-    for k in range(1, _ORDERS - 2):
-        one, following, after = scales[k : k + 3]
-        if one > 0.0 and abs(following / one - 1.0) < _NEXT and abs(after / one - 1.0) < _AFTER:
-            return float(one)
-    return None
+    scales = [_scale(records, order) for order in range(1, _ORDERS + 1)]
+    order = plateau(scales)
+    return scales[order - 1] if order else None
 
 
 def _scale(records: Sequence[tuple[Floats, Floats]], order: int) -> float:
