@@ -185,7 +185,7 @@ def data_notes(fitted: FitResult) -> list[str]:
         f"{channel.name} is read in steps of {show(channel.step, units[channel.name], difference=True)}, "
         "coarser than its noise: these data show nothing finer than a step"
         for channel in problem.noise.channels
-        if channel.step > _COARSE * channel.sigma
+        if channel.step > _COARSE * channel.level
     ]
     silent = [f"{name} affects none of these readings and keeps its value" for name in fitted.silent]
     inputs = input_noise_notes(problem)

@@ -9,6 +9,8 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.noise import ChannelNoise, correlation_time, even_pieces
 from rigctl.units import show
 
+#: a floor below this many times the error of rounding to a converter's steps is mostly that error
+_BY_STEPS = 1.1
 #: a rest shows a slow noise if it lasts this many times as long as the errors stay alike, ...
 _TIMES = 10.0
 #: ... and at least this many samples: several windows of the noise estimate
@@ -69,7 +71,10 @@ def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
     longest = max(_alike(fit, name) for name in channels)
     rest = max(_TIMES * longest, _SAMPLES) * spacing
     stated = ", ".join(channels)
+    coarse = [one.name for one in fit.problem.noise.channels if one.name in channels and _from_steps(one)]
+    finer = f"read {' and '.join(coarse)} in finer steps: with a smaller range, or a converter with more bits"
     return (
+        *([finer] if coarse else []),
         f"record {show(_rounded(rest), 's')} with every input constant, after the bench has come to rest, at "
         "the same sampling rate: it shows the slow part of the noise",
         "repeat one record with the same commands: what differs between the two is noise",
@@ -88,7 +93,17 @@ def _channel_text(fit: FitResult, channel: ChannelNoise) -> str:
     times = error.rmse / channel.floor
     if times > 1.2:
         return f"{left}, {times:.2g} times its white noise of {bound}{floor}"
+    if _from_steps(channel):
+        step = show(channel.step, unit, difference=True, digits=2)
+        return (
+            f"{left}, as large as the steps of {step} make it in which it is read, and as slow as the signal"
+        )
     return f"{left}, as large as its white noise of {bound}{floor}, but not white"
+
+
+def _from_steps(channel: ChannelNoise) -> bool:
+    """Whether the floor of a channel is hardly more than the error of its converter, step/√12."""
+    return channel.step > 0.0 and channel.floor < _BY_STEPS * channel.step / math.sqrt(12.0)
 
 
 def _alike(fit: FitResult, name: str) -> float:

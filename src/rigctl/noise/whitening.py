@@ -92,7 +92,6 @@ class Whitener:
         more = float(np.sum(np.log1p(values**2)))
         return replace(self, log_determinant=self.log_determinant + more, _scatter=scatter)
 
-
     def scatter_in(self, errors: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, channels) the part of errors (n, channels) that is most likely scatter, ``Σ â_k·columns_k``.
 
