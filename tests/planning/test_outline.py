@@ -112,3 +112,18 @@ def test_the_json_document_has_records_start_sweeps_limits_and_steps(previewed: 
     assert point["steps"][0]["where"] == "test.yaml:6:9"
     failure = document["steps"][0]["steps"][0]["steps"][-1]
     assert failure["only_if_needed"] is True
+
+
+def test_a_plan_that_asks_shows_how_long_it_waits_for_nobody(previewed: See, rig: Rig) -> None:
+    asks = "steps:\n  - if: position > 0 mm\n    do: [prompt: Ready?]\n"
+    waits_only = (
+        "steps:\n  - set_pressure: {to: 30 bar, within: 1 bar}\n"  # an operator's request with a timeout
+    )
+    assert as_document(previewed(asks))["unattended_for"] == 600.0
+    assert "asks the operator; with outputs on and nobody there it ends after 10 min\n" in printed(
+        previewed(asks)
+    )
+    assert as_document(previewed(waits_only))["unattended_for"] is None
+    assert "nobody" not in printed(previewed(waits_only))
+    soon = rig.model_copy(update={"unattended_for": 45.0})
+    assert "nobody there it ends after 45 s\n" in printed(previewed(asks, soon))

@@ -94,8 +94,8 @@ class Served:
 
 
 @contextmanager
-def serving(project: Path, *options: str, state: Path) -> Iterator[Served]:
-    """`rigctl serve`, until the block ends: then by Ctrl-C."""
+def serving(project: Path, *options: str, state: Path, ends: int = 0) -> Iterator[Served]:
+    """`rigctl serve`, until the block ends: then by Ctrl-C, with `ends` as its exit status."""
     command = [RIGCTL, "serve", str(project), "--no-browser", *options]
     environment = {**os.environ, "XDG_STATE_HOME": str(state), "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(
@@ -124,7 +124,7 @@ def serving(project: Path, *options: str, state: Path) -> Iterator[Served]:
     finally:
         process.send_signal(signal.SIGINT)
         try:
-            assert process.wait(120) == 0, "".join(faults)
+            assert process.wait(120) == ends, "".join(faults)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

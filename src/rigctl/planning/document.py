@@ -29,6 +29,7 @@ def as_document(preview: Preview, warnings: Sequence[str] = ()) -> dict[str, Any
         "duration": preview.seconds,
         "duration_basis": preview.basis.name.lower(),
         "open_ended": preview.open_ended,
+        "unattended_for": preview.unattended_for,
         "sweeps": [
             {"path": sweep.path, "variables": list(sweep.variables), "points": sweep.points}
             for sweep in preview.sweeps

@@ -50,6 +50,9 @@ def outline(
     if preview.start_readings:
         start = ", ".join(_reading(plan.rig, *reading) for reading in preview.start_readings.items())
         yield _line("expected to start at ", "", f"{start} (simulation.initial of the rig file)")
+    if preview.unattended_for is not None:
+        bound = clock_time(preview.unattended_for)
+        yield _line("asks the operator", "", f"; with outputs on and nobody there it ends after {bound}")
     if plan.arguments:
         yield _line("with ", "", ", ".join(f"{name} = {value}" for name, value in plan.arguments.items()))
     for root in preview.roots:

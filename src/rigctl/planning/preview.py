@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from rigctl.argument_types import checks_argument_types
 from rigctl.errors import Location
 from rigctl.notebook import one_line
-from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode, Visitor
+from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode, Visitor, all_nodes
 from rigctl.plan.action import Action
 from rigctl.plan.forecast import Basis, State
 from rigctl.planning.bench import Bench, bench_of, initial_state
@@ -107,6 +107,13 @@ class Preview:
     def samples(self) -> int:
         """Approximately how many samples the records will hold."""
         return sum(root.samples for root in self.roots if root.counted)
+
+    @property
+    def unattended_for(self) -> float | None:
+        """s for which it waits for an answer with outputs on and nobody there; None if it asks nothing."""
+        leaves = (node for node in all_nodes(self.plan) if isinstance(node, Leaf))
+        asked = (one for leaf in leaves for one in leaf.action.questions(self.plan.rig) if not one.notice)
+        return self.plan.rig.unattended_for if any(asked) else None
 
     @property
     def open_ended(self) -> bool:

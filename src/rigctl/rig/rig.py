@@ -94,6 +94,11 @@ class Rig(Part):
     stale_after: Annotated[float, Q("s", positive=True)] = Field(
         default=1.0, description="silence of the bench for this time is a fault"
     )
+    unattended_for: Annotated[float, Q("s", positive=True)] = Field(
+        default=600.0,
+        description="longest wait for an answer, with outputs on, while nobody is there (page, server or "
+        "terminal gone); the run then ends",
+    )
     simulation: Simulation = Field(default=Simulation(), description="the simulated bench")
 
     _path: Path | None = PrivateAttr(default=None)

@@ -20,6 +20,7 @@ class AutomaticOperator:
 
     name = "simulated"
     typed = ""
+    present = True
 
     def ask(self, question: Question) -> Answer | None:
         """Confirm, or answer with a value."""
@@ -49,6 +50,7 @@ class ScriptedOperator:
 
     name = "script"
     typed = ""
+    present = True
 
     def __init__(self, answers: Mapping[str, str]) -> None:
         self._answers = dict(answers)

@@ -18,6 +18,7 @@ from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.missing import Lack
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
+from rigctl.runner.attendance import Attendance
 from rigctl.runner.operator import Operator
 from rigctl.runner.recent_samples import History
 from rigctl.runner.recorder import Recorder
@@ -406,6 +407,12 @@ class Bench:
         }
 
     @property
+    def switched_on(self) -> str:
+        """The outputs of `driven` with their values, e.g. ``heater on, pump 60 %``."""
+        values = {**self.commanded, **self.doubtful}
+        return self._shown({name: values[name] for name in sorted(self.driven)}) or ""
+
+    @property
     def unconfirmed(self) -> str | None:
         """The outputs that may not be safe now, e.g. ``heater_1 60 %``; None if all are confirmed to be safe.
 
@@ -471,14 +478,22 @@ class Bench:
     # --- questions to the operator -----------------------------------------------------------------------
 
     def ask(self, question: Question) -> Generator[Until, Row | None, Answer]:
-        """Ask the operator and wait for the answer; sampling and interlocks continue meanwhile."""
+        """Ask the operator and wait for the answer; sampling and interlocks continue meanwhile.
+
+        Raises
+        ------
+        StepFailed
+            the operator is gone, and outputs have been on for as long as the rig file allows then.
+        """
         self.request(question)
+        attendance = Attendance(self)
         try:
             while True:
                 answer = self.operator.ask(question)
                 if answer is not None:
                     self.event("operator", f"{question.text}: {answer.text}", by=self.operator.name)
                     return answer
+                attendance.check(f"'{question.text}' was not answered")
                 yield Until(self.now + _ASK_AGAIN)
         finally:
             self.withdraw()

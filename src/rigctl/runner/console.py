@@ -54,6 +54,11 @@ class Console:
     ) -> None:
         self._keys.close()
 
+    @property
+    def present(self) -> bool:
+        """Whether anything more can be typed."""
+        return not self._keys.ended
+
     def poll(self) -> Sequence[Order]:
         """Keys since the last call."""
         self._read()

@@ -76,13 +76,13 @@ class _PosixKeys:
     """A terminal that delivers every key at once, without echo."""
 
     interactive = True
-    ended = False
 
     def __init__(self, descriptor: int) -> None:
         import codecs
         import termios
         import tty
 
+        self.ended = False  # the terminal is closed, and the program was started to survive that
         self._descriptor = descriptor
         self._before: Any = termios.tcgetattr(descriptor)
         self._decode = codecs.getincrementaldecoder("utf-8")("replace").decode
@@ -91,9 +91,17 @@ class _PosixKeys:
     def read(self) -> str:
         import select
 
-        with suppress(OSError, ValueError):
-            if select.select([self._descriptor], [], [], 0.0)[0]:
-                return self._decode(os.read(self._descriptor, 1024))
+        with suppress(ValueError):
+            if not self.ended and select.select([self._descriptor], [], [], 0.0)[0]:
+                try:
+                    typed = os.read(self._descriptor, 1024)
+                except BlockingIOError:  # another program has read it
+                    return ""
+                except OSError:  # Linux: EIO
+                    self.ended = True
+                    return ""
+                self.ended = not typed and not os.isatty(self._descriptor)  # a Ctrl-D is none of its ends
+                return self._decode(typed)
         return ""
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from time import perf_counter, sleep
 
 from rigctl.plan.behaviour import OnPause, Row, Until
 from rigctl.plan.outcomes import Aborted, Ending, Outcome, StepFailed
+from rigctl.runner.attendance import Attendance
 from rigctl.runner.bench import Bench
 from rigctl.runner.requests import RESPONSE, Control, Order, Request
 from rigctl.runner.sampling import Sampling
@@ -195,6 +196,7 @@ class Driver:
         self._lifecycle.send("pause")
         self._bench.make_safe("paused")
         control, order = pause
+        attendance = Attendance(self._bench)
         safe = "outputs are safe" if self._bench.reachable else "but the outputs could not be made safe"
         control.acknowledge(order, f"paused, {safe}")
         still = math.isinf(self._clock.speed)  # virtual time must not run on while a person thinks
@@ -203,6 +205,8 @@ class Driver:
             rested_in = self._bench.restorable_at(baseline) - self._clock.now()
             if self._pause is None and rested_in <= 0.0:
                 break
+            if self._pause is not None:
+                self._end_unattended(attendance)
             if self._pause is not None and still:
                 sleep(min(self._response, RESPONSE))
                 self._look(until)
@@ -222,3 +226,11 @@ class Driver:
             self.wait(waiting)
         if until.on_pause is OnPause.RESTART:
             raise Restart
+
+    def _end_unattended(self, attendance: Attendance) -> None:
+        """End a pause that nobody attends to, if the outputs could not be made safe at its start."""
+        try:
+            attendance.check("the pause could not make the outputs safe")
+        except StepFailed as ending:
+            self._secure(ending)
+            raise

@@ -16,6 +16,11 @@ class Operator(Protocol):
     name: str
     typed: str  #: the answer typed so far, shown behind the question
 
+    @property
+    def present(self) -> bool:
+        """False while nobody can answer or command, because the terminal or the page is gone."""
+        ...
+
     def ask(self, question: Question) -> Answer | None:
         """Ask, or continue asking; None as long as there is no answer."""
         ...

@@ -8,8 +8,9 @@ answers.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from time import monotonic
 from typing import Any, Final
 from uuid import uuid4
 
@@ -24,6 +25,11 @@ from rigctl.runner.requests import Order
 from rigctl.runner.snapshot import View
 
 _ANSWER: Final = "answer"
+_PRESENT: Final = "present"
+#: s between two signs that a page shows a run which waits for a person
+PRESENCE_EVERY: Final = 2.0
+#: s of wall time after which, without one, no page is considered to be there
+_GONE: Final = 3.0 * PRESENCE_EVERY
 
 
 class RemoteOperator:
@@ -33,14 +39,21 @@ class RemoteOperator:
     ----------
     name: of the person in charge, for the run's events.
     runs: the folder of the runs.
+    now: wall time, s.
     """
 
-    def __init__(self, name: str, runs: Path) -> None:
+    def __init__(self, name: str, runs: Path, now: Callable[[], float] = monotonic) -> None:
         self.name = name
         self.typed = ""  #: why the last answer was refused
         self._queue: deque[tuple[str, str]] = deque(maxlen=20)
         self._question: Question | None = None
-        self.answers = _Answers(runs, self._queue)
+        self._now = now
+        self.answers = _Answers(runs, self._queue, now)
+
+    @property
+    def present(self) -> bool:
+        """Whether a page has lately shown that it is open, or somebody has answered."""
+        return self._now() - self.answers.seen < _GONE
 
     def ask(self, question: Question) -> Answer | None:
         """The first answer to this question that fits it; None before there is one."""
@@ -68,19 +81,24 @@ class RemoteOperator:
 
 
 class _Answers:
-    """Reads answers from the run's file of requests; makes no requests itself."""
+    """Reads answers and signs of a page from the run's file of requests; makes no requests itself."""
 
-    def __init__(self, runs: Path, answers: deque[tuple[str, str]]) -> None:
+    def __init__(self, runs: Path, answers: deque[tuple[str, str]], now: Callable[[], float]) -> None:
         self._runs = runs
         self._queue = answers
         self._lines: AppendedLines | None = None
+        self._now = now
+        self.seen = now()  #: wall time of the newest sign of a person, s
 
     def poll(self) -> Sequence[Order]:
         """Take the answers since the last call."""
         for line in self._lines.read() if self._lines is not None else ():
-            answer = _read_answer(line)
-            if answer is not None:
-                self._queue.append(answer)
+            fields = _read_line(line)
+            kind = fields.get("request")
+            if kind in (_ANSWER, _PRESENT):
+                self.seen = self._now()
+            if kind == _ANSWER:
+                self._queue.append((str(fields.get("question")), str(fields.get("text"))))
         return ()
 
     def acknowledge(self, order: Order, message: str) -> None:
@@ -133,11 +151,26 @@ def send_answer(folder: Path, question: str, text: str) -> None:
     write_line(folder, line, "answer")
 
 
-def _read_answer(line: bytes) -> tuple[str, str] | None:
+def send_presence(folder: Path) -> None:
+    """Tell the run in `folder` that a page shows it; see `PRESENCE_EVERY`.
+
+    Raises
+    ------
+    RigctlError
+        the run's file of requests cannot be written.
+    """
+    write_line(folder, {"request": _PRESENT}, "sign of a page")
+
+
+def awaits_person(state: Mapping[str, Any]) -> bool:
+    """Whether a run's heartbeat says that it waits for somebody at a page."""
+    return bool(state.get("remote")) and (bool(state.get("asked")) or state.get("state") == "paused")
+
+
+def _read_line(line: bytes) -> Mapping[str, Any]:
+    """The fields of a line; none of one that cannot be read: everybody with write access can add lines."""
     try:
         fields = parse_json(line)
-        if fields["request"] != _ANSWER:
-            return None
-        return str(fields["question"]), str(fields["text"])
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return None
+    except (ValueError, RecursionError):
+        return {}
+    return fields if isinstance(fields, dict) else {}

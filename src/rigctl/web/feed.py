@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rigctl.dataset import journal, log
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import RigctlError
+from rigctl.runner.remote_operator import PRESENCE_EVERY, awaits_person, send_presence
 from rigctl.web.decimation import Thinning, envelope
 from rigctl.web.recent_rows import KeptRows
 from rigctl.web.set_points import SetPoints
@@ -48,6 +49,8 @@ _MOST_EVENTS: Final = 300
 _MOST_WAITING: Final = 40
 #: s that a feed continues when nobody watches
 _LINGER: Final = 15.0
+#: s after which a window that polls, or is reloaded, is considered closed
+_CLOSED: Final = 3.0
 #: time after the start of a step within which its first reading is searched in the buffer, s
 _FRESH: Final = 5.0
 #: lines of the tree of steps
@@ -192,6 +195,7 @@ class Feed:
         self._tree: tuple[str, list[dict[str, Any]]] = ("", [])
         self._watchers: list[Watcher] = []
         self._asked = monotonic()
+        self._next_presence = 0.0  # wall time
         self._lock = threading.Lock()
         self.over = False  #: True once the thread has ended because nobody watches
         threading.Thread(target=self._open_plan, name="plan", daemon=True).start()
@@ -281,6 +285,7 @@ class Feed:
         if heartbeat is None:
             return
         state = dict(heartbeat.fields)
+        self._show_presence(state)
         state.pop("acknowledged", None)
         ended = state.get("state") in ENDED
         state |= {
@@ -294,6 +299,15 @@ class Feed:
                 self._state = state
                 for watcher in self._watchers:
                     watcher.tell("state", state)
+
+    def _show_presence(self, state: Mapping[str, Any]) -> None:
+        """Tell a run that waits for a person that a window shows it: without one its wait has a bound."""
+        now = monotonic()
+        watched = bool(self._watchers) or now - self._asked < _CLOSED
+        if watched and now >= self._next_presence and awaits_person(state):
+            self._next_presence = now + PRESENCE_EVERY
+            with suppress(RigctlError):  # a full disk, on which the run reports itself
+                send_presence(self.folder)
 
     def _tell_set_points(self) -> None:
         if math.isnan(newest := self._rows.newest):
