@@ -118,6 +118,7 @@ def test_a_wait_for_the_operator_does_not_hide_a_silent_bench(
 
     class Nobody:
         name = typed = ""
+        present = True
 
         def ask(self, question: object) -> None:
             return None
