@@ -237,7 +237,7 @@ class _Evidence:
 
     def standing(self, index: int, channel: ChannelNoise, stated: StatedNoise | float | None) -> ChannelNoise:
         """One channel's noise by the best of what is known of it."""
-        if channel.allowed or channel.remark:  # already decided
+        if channel.allowed or channel.remark or channel.source == "differences":  # already decided
             return channel
         if channel.own_scale and self._at_rest_throughout(index, channel):
             new = replace(channel, source="differences")
