@@ -92,6 +92,22 @@ def test_a_user_s_effect_of_a_user_s_family_is_found_and_added() -> None:
     assert values["brake.width"]["value"] == pytest.approx(1.0, rel=0.1)
 
 
+def test_an_effect_with_no_value_at_its_typical_size_is_added_from_a_smaller_one() -> None:
+    """A gust that grows with the square of the speed: at its typical size the speed is soon infinite."""
+    gust = {"effect: brake": "effect: gust", "torque*tanh(speed/width)": "-torque*(speed*(1 s/rad))^2"}
+    text = BRAKE
+    for old, new in gust.items():
+        text = text.replace(old, new)
+    start = text.index("  width:")
+    text = text[:start].replace("start: 0.01 N*m, bounds: [0 ", "start: 0.0003 N*m, bounds: [-1 ")
+    Path("effects/gust.yaml").write_text(text, encoding="utf-8")
+    run = answer("import", "flywheel.csv", "--rig", "flywheel-rig.yaml")["run"]
+    Path("own.yaml").write_text(MODEL, encoding="utf-8")
+    found = answer("model", "add", "own.yaml", "effects/gust.yaml", run)
+    before, after = (found[when]["channels"]["speed"]["rmse"] for when in ("before", "after"))
+    assert after <= before * (1.0 + 1e-6)
+
+
 def test_records_outside_the_valid_range_of_an_effect_are_reported() -> None:
     learned = (
         BRAKE.replace("effect: brake", "effect: slow_brake").replace("confused_with: [fan]", "")

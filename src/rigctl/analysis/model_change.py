@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +17,9 @@ from rigctl.analysis.fitting import (
     require_free_parameters,
 )
 from rigctl.dataset.run import Run
+from rigctl.engine.least_squares import NoValueAtStart
 from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change
 from rigctl.model.history.save import save_version
@@ -24,6 +27,9 @@ from rigctl.model.history.version import Version
 from rigctl.model.load import load_model
 from rigctl.model.model import Model
 from rigctl.model.validity import Departure, departures
+
+#: sizes at which an added effect starts, as shares of its typical one, until the model has a value there
+_SHARES = (1.0, 0.1, 0.01, 0.001)
 
 
 @dataclass(frozen=True)
@@ -130,7 +136,7 @@ def _measured(
     before = fit_to_data(model, data, refit=refit, on_progress=on_progress)
     changed = wanted.changed(before.model)
     on_progress(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
-    after = fit_again(before, changed, refit=wanted.fit, on_progress=on_progress)
+    after = _fit_changed(before, changed, wanted, on_progress)
     change = Change(
         wanted.kind,
         effect=wanted.effect,
@@ -143,3 +149,29 @@ def _measured(
         note=wanted.note,
     )
     return after.model, change, departures(after)
+
+
+def _fit_changed(before: FitResult, changed: Model, wanted: Wanted, on_progress: OnProgress) -> FitResult:
+    """The fit of the changed model; an added effect starts smaller if the model has no value at its start.
+
+    A diagnosis starts an effect at the size that the residuals suggest. A typical size of the family may be
+    far beyond what this bench can have: a damping that stops it, a spring that throws it out of its range.
+    """
+    *larger, smallest = _SHARES if wanted.kind == "add" and wanted.fit else (1.0,)
+    for share in larger:
+        with suppress(NoValueAtStart):
+            start = changed if share == 1.0 else _weakened(changed, wanted.effect, share)
+            return fit_again(before, start, refit=wanted.fit, on_progress=on_progress)
+    start = changed if smallest == 1.0 else _weakened(changed, wanted.effect, smallest)
+    return fit_again(before, start, refit=wanted.fit, on_progress=on_progress)
+
+
+def _weakened(model: Model, name: str, share: float) -> Model:
+    """The model with an effect of this share of its size: its parameters nearer to their null values."""
+    settings = model.effects.get(name, {})
+    values = {
+        f"{name}.{one.name}": one.null + share * (settings[one.name].si - one.null)
+        for one in model.effect(name).parameters
+        if one.null is not None and one.name in settings
+    }
+    return model.with_values(values)

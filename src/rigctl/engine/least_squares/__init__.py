@@ -9,7 +9,7 @@ from rigctl.engine.least_squares.identifiability import Combination, null_column
 from rigctl.engine.least_squares.loss import Cauchy, Huber, Loss, SoftL1, Squares
 from rigctl.engine.least_squares.multi_start import multi_start
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
-from rigctl.engine.least_squares.solve import Options, least_squares
+from rigctl.engine.least_squares.solve import NoValueAtStart, Options, least_squares
 from rigctl.engine.least_squares.unknown import Prior, Unknown, started
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Iteration",
     "LeastSquaresResult",
     "Loss",
+    "NoValueAtStart",
     "Options",
     "Outcome",
     "Prior",

@@ -41,6 +41,10 @@ _SHORTER = 0.5  # a step after a rejected one is at most this long, relative to 
 _PATIENCE = 4  # number of steps that together must lower the cost by the tolerance
 
 
+class NoValueAtStart(RigctlError):
+    """A model that cannot be evaluated with the starting values of a fit."""
+
+
 @dataclass(frozen=True)
 class Options:
     """When a fit ends.
@@ -137,7 +141,7 @@ class _Search:
         """Iterate to an end and conclude."""
         blocks = self._blocks(self.point, derivatives=True)
         if isinstance(blocks, Refused):
-            raise RigctlError(
+            raise NoValueAtStart(
                 f"the model has no value at the start of the fit: {blocks.reason}", exit_code=ExitCode.FAILED
             )
         self._linearise(blocks)
