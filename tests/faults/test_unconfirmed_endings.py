@@ -147,7 +147,7 @@ def test_a_device_with_a_different_answer_is_not_considered_safe(board: Served, 
         wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
         board.sketch.always["Q1 0.00"] = b"60.00\r\n"
         run.kill()
-    wait_for(lambda: any("'60.00' where '0.00'" in guard.trouble for guard in guards(project)))
+    wait_for(lambda: any("'60.00' to 'Q1 0.00' where '0.00'" in one.trouble for one in guards(project)))
     board.sketch.always.clear()
     wait_for(lambda: guards(project) == [])
     assert board.sketch.heaters == (0.0, 0.0)
@@ -201,7 +201,7 @@ def test_an_acknowledged_off_that_is_not_carried_out_is_reported_however_the_run
     page = (project / "page.html", "report", Path(answer["path"]).name)
     assert rigctl(project, *page[1:], "--output", str(page[0]))[0] == 0
     assert "heater_1 60 % may still be on" in page[0].read_text(encoding="utf-8")
-    wait_for(lambda: any("'60.00' to" in guard.trouble for guard in guards(project)))
+    wait_for(lambda: any("'60.00' to 'R1'" in guard.trouble for guard in guards(project)))
 
     code, out, _ = rigctl(project, "off", "--rig", "board.yaml", "--port", board.url, "--json")
     told = json.loads(out)

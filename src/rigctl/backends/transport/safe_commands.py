@@ -25,6 +25,11 @@ class SafeOrder:
     reply: tuple[str, ...] = ()
     values: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    @property
+    def shown(self) -> str:
+        """The text as people read it."""
+        return self.text.decode("utf-8", "replace").strip()
+
 
 class Outputs(Enum):
     """The known state of a device's outputs when its port is closed."""

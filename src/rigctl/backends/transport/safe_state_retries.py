@@ -227,7 +227,7 @@ class SafeStateRetries:
                     raise
                 refused = refused or str(error)
         if refused:
-            raise _Mute(f"after {order.text!r}: {refused}")
+            raise _Mute(f"after {order.shown!r}: {refused}")
 
     def _exchange(self, port: Port, order: SafeOrder) -> dict[str, str]:
         """Send one line and read its answer, if it has one; return the texts in it."""
@@ -244,12 +244,12 @@ class SafeStateRetries:
             line = self._line(port, deadline)
             found = pattern.match(line)
             if found is None:
-                raise _Mute(f"{line!r} is no answer to {order.text!r}")
+                raise _Mute(f"{line!r} is no answer to {order.shown!r}")
             texts |= found
             for name, meant in order.values.items():
                 if name in found and not any(says(found[name], text) for text in meant):
                     raise _Mute(
-                        f"the device says {found[name]!r} to {order.text!r} where {meant[0]!r} was commanded"
+                        f"the device says {found[name]!r} to {order.shown!r} where {meant[0]!r} was commanded"
                     )
         return texts
 
