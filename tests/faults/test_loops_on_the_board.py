@@ -14,6 +14,7 @@ from board_workshop import BoardWorkshop
 from rigctl.backends.emulated.board import EmulatedBoard
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
+from rigctl.planning.rates import refuse_rates
 from rigctl.rig import Limit
 from rigctl.runner.requests import Order, Request
 from run_workshop import Done, ScriptedControl, Workshop
@@ -310,4 +311,5 @@ def test_a_period_of_fractional_milliseconds_is_refused_with_its_place(board: Bo
     ) as caught:
         board.workshop.plan(alone("rate: 30 Hz, where: board, for: 1 s"), board.rig())
     assert caught.value.where.line == 3
-    board.workshop.plan(recorded("rate: 500 Hz, where: board, for: 1 s", rate=20), board.rig())
+    fast = board.workshop.plan(recorded("rate: 500 Hz, where: board, for: 1 s", rate=20), board.rig())
+    refuse_rates(fast, "emulated")  # a line carries 320 samples a second, and the loop needs none of them

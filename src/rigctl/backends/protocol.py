@@ -116,6 +116,16 @@ class Notice:
     fields: Mapping[str, object] = field(default_factory=dict)
 
 
+@runtime_checkable
+class Polled(Protocol):
+    """A bench that is asked for each sample, and can be asked for the next one only after its answer."""
+
+    @property
+    def sample_takes(self) -> float:
+        """s that a sample takes, the shortest so far; 0 before there is one."""
+        ...
+
+
 class Backend(Protocol):
     """A bench: sampled channels, switched actuators, and a way to make everything safe.
 

@@ -13,10 +13,10 @@ from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
+from rigctl.rig.rates import BAUDS
 
 OPTIONS = ("port", "baud", "inputs", "outputs", "clear_trips")
 OF_LINES = ("port", "baud")
-BAUD = 115200
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
@@ -66,7 +66,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
     port = options.get("port") or rig.backend.port
     if not isinstance(port, str):
         raise RigctlError("which port is the bench on?", expected="e.g. '--port /dev/ttyACM0'")
-    baud = options.get("baud") or rig.backend.baud or BAUD
+    baud = options.get("baud") or rig.backend.baud or BAUDS["serial"]
     if not isinstance(baud, int) or isinstance(baud, bool):
         raise RigctlError("not a baud rate", value=str(baud), expected="e.g. 115200")
     return Address("serial", port, {"baud": baud, "frame": "8N1" if lines is None else lines.frame})

@@ -2,36 +2,83 @@
 
 from __future__ import annotations
 
-from rigctl.errors import RigctlError
-from rigctl.plan import Leaf, Plan, RecordNode, all_nodes
+from collections.abc import Iterator, Mapping
+
+from rigctl.errors import Location, RigctlError
+from rigctl.plan import Leaf, Node, Plan, RecordNode, all_nodes
+from rigctl.planning.line_capacity import line_capacity
 from rigctl.rig import Rig
 
 _ROUNDING = 1e-9
+#: the kinds of backend whose devices have a limit
+REAL = ("serial", "modbus", "visa", "opcua", "emulated")
+#: share by which the shortest of a few measured times may exceed the true one, on a busy computer
+_MARGIN = 0.25
 
 
-def too_fast(rig: Rig, rate: float, kind: str | None = None) -> str | None:
+def too_fast(
+    rig: Rig, rate: float, kind: str | None = None, options: Mapping[str, object] | None = None
+) -> str | None:
     """Why the rig's real bench cannot sample at a rate (Hz); None if it can.
 
-    `kind` is the kind of backend, by default the rig's own.
+    Parameters
+    ----------
+    kind: of the backend, by default the rig's own.
+    options: of the backend, where they are other than in the rig file: ``port``, ``baud``.
     """
-    fastest = rig.fastest if kind is None else rig.fastest_on(kind)
-    if rate <= fastest * (1.0 + _ROUNDING):
-        return None
-    return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"
+    kind = kind or rig.backend.kind
+    fastest = rig.fastest_on(kind)
+    if rate > fastest * (1.0 + _ROUNDING):
+        return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"
+    line = line_capacity(rig, kind, options or {})
+    if line is not None and rate > line.fastest * (1.0 + _ROUNDING):
+        return f"{rate:g} Hz is more than possible: {line}"
+    return None
 
 
-def refuse_rates(plan: Plan, kind: str | None = None) -> None:
+def refuse_rates(plan: Plan, kind: str | None = None, options: Mapping[str, object] | None = None) -> None:
     """Refuse a plan with such a record or loop, also in a cleanup block, before anything moves.
 
     Raises
     ------
     RigctlError
-        there is one; with the location of the first.
+        there is one, with the location of the first; or the rig's own rate between records is too high.
     """
-    for node in all_nodes(plan):
-        rate = node.rate if isinstance(node, RecordNode) else 0.0
-        if isinstance(node, Leaf):
-            rate = node.action.needed_rate
-        message = too_fast(plan.rig, rate, kind)
+    if (kind or plan.rig.backend.kind) not in REAL:
+        return
+    message = too_fast(plan.rig, plan.rig.monitor_rate, kind, options)
+    if message is not None:
+        raise RigctlError(f"monitor_rate: {message}", where=Location(plan.rig.path))
+    for node, rate, _ in _rates(plan):
+        message = too_fast(plan.rig, rate, kind, options)
         if message is not None:
             raise RigctlError(f"{node.label}: {message}", where=node.where)
+
+
+def refuse_slow_answers(plan: Plan, takes: float) -> None:
+    """Refuse a plan whose records would lack too many samples, with a device that answers one at a time.
+
+    A device that needs ``takes`` s for a sample delivers ``1/takes`` Hz, so that of a record at rate r at
+    least the share ``1 - 1/(r takes)`` is missing.
+
+    Raises
+    ------
+    RigctlError
+        a record would lack more than the share that it accepts, or a loop more than none.
+    """
+    for node, rate, accepted in _rates(plan):
+        if rate * takes * (1.0 - accepted) > 1.0 + _MARGIN:
+            raise RigctlError(
+                f"{node.label}: {rate:g} Hz is more than the device can deliver: "
+                f"a sample takes {takes:.2g} s, which allows {1.0 / takes:.2g} Hz",
+                where=node.where,
+            )
+
+
+def _rates(plan: Plan) -> Iterator[tuple[Node, float, float]]:
+    """Every record and loop, with its rate, Hz, and the share of samples that may be missing."""
+    for node in all_nodes(plan):
+        if isinstance(node, RecordNode):
+            yield node, node.rate, node.most_missing
+        elif isinstance(node, Leaf) and node.action.needed_rate > 0.0:
+            yield node, node.action.needed_rate, 0.0

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from typing import Final
 
 from rigctl.plan.behaviour import Row
 from rigctl.plan.missing import Lack
+
+#: s, and sampling periods, by which the newest sample of a record that ends may be late
+_LATE: Final = 0.5
+_LATE_PERIODS: Final = 2.0
 
 
 class Completeness:
     """The samples of one record so far.
 
     A bench that is asked for ``r`` samples a second owes ``r (t − t₀) + 1`` from its first sample at t₀ to
-    its newest at t. Their times may jitter: only their number counts.
+    its newest at t, and those between that and the end of the record, unless they may still be on their way.
+    Their times may jitter: only their number counts.
 
     Parameters
     ----------
@@ -38,10 +44,11 @@ class Completeness:
                 value = row[column]
                 self._without[name] += value != value  # noqa: PLR0124 - only NaN differs from itself
 
-    def lacks(self) -> list[Lack]:
-        """Return what is missing: samples, then the readings of each channel."""
+    def lacks(self, now: float) -> list[Lack]:
+        """Return what is missing at `now`, s: samples, then the readings of each channel."""
         found = []
-        due = int((self._newest - self._first) * self._rate + 0.5) + 1 if self._rows else 0
+        seen_until = max(self._newest, now - _LATE - _LATE_PERIODS / self._rate)
+        due = int((seen_until - self._first) * self._rate + 0.5) + 1 if self._rows else 0
         if due > self._rows:
             found.append(Lack("samples", due - self._rows, due))
         found += [

@@ -80,9 +80,7 @@ def launch(plan: Plan, how: Launch) -> RunResult:
         be read as fast as a record requires, or the run's folder cannot be made; nothing has moved.
     """
     _require_identity(plan, how)
-    kind = how.backend or plan.rig.backend.kind
-    if kind in ("serial", "modbus", "visa", "opcua", "emulated"):
-        refuse_rates(plan, kind)
+    refuse_rates(plan, how.backend, how.options)
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
         writer = RunWriter.create(how.runs, header_of(plan, backend, how))
         result = carry_out(plan, backend, writer, lock, how)

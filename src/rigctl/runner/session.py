@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigctl.backends.protocol import Backend
+from rigctl.backends.protocol import Backend, Polled
 from rigctl.dataset.history import read_history
 from rigctl.dataset.pass_fail import Judgement, judge
 from rigctl.dataset.run_json import read_info
@@ -16,6 +16,7 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.notebook import one_line
 from rigctl.plan import Leaf, Plan, all_nodes
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
+from rigctl.planning.rates import refuse_slow_answers
 from rigctl.runner.bench import Bench
 from rigctl.runner.control_thread import Watching, beside
 from rigctl.runner.interlocks import Interlocks
@@ -277,6 +278,8 @@ class _Session:
         except Tripped as tripped:
             tripped.reason = f"not armed: {tripped.reason}"
             raise
+        if isinstance(self._backend, Polled):
+            refuse_slow_answers(self._plan, self._backend.sample_takes)
         first = len(bench.rig.layout.columns) - len(bench.rig.layout.commands)
         bench.commanded = dict(zip(bench.rig.layout.commands, rows[-1][first:], strict=True))
         alarms = self._interlocks.check_arming(rows)

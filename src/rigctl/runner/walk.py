@@ -246,7 +246,7 @@ class Walker(Visitor[Waiting]):
     def _require_complete(self, node: RecordNode) -> None:
         """Refuse a record that lacks too much to be what the procedure asked for."""
         counted = self._sampling.completeness
-        lacks = counted.lacks() if counted is not None else []
+        lacks = counted.lacks(self._bench.now) if counted is not None else []
         too_much = [lack for lack in lacks if lack.exceeds(node.most_missing)]
         if not too_much:
             return
@@ -265,7 +265,7 @@ class Walker(Visitor[Waiting]):
             return
         bench.history.end_record()
         counted, self._sampling.completeness = self._sampling.completeness, None
-        lacks = counted.lacks() if counted is not None else []
+        lacks = counted.lacks(bench.now) if counted is not None else []
         if lacks:
             bench.event("note", f"missing in the record: {', '.join(map(str, lacks))}")
         try:

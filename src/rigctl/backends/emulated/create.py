@@ -13,13 +13,13 @@ from rigctl.backends.emulated.library import load_libraries
 from rigctl.backends.emulated.port import EmulatedPort
 from rigctl.backends.options import read_flag, refuse_unknown
 from rigctl.backends.protocol import Backend
-from rigctl.backends.serial_port import BAUD
 from rigctl.backends.simulated.create import OPTIONS as OF_THE_BENCH
 from rigctl.backends.simulated.create import Prepared, prepare
 from rigctl.backends.simulated.link import Link
 from rigctl.backends.transport.port import Port
 from rigctl.clock import Clock
 from rigctl.rig import Rig
+from rigctl.rig.rates import BAUDS
 
 OPTIONS = (*OF_THE_BENCH, "inputs", "outputs", "baud", "image", "clear_trips")
 
@@ -101,7 +101,7 @@ def make_board(rig: Rig, options: Mapping[str, object]) -> EmulatedBoard:
 
 
 def _baud(rig: Rig, options: Mapping[str, object]) -> int:
-    baud = options.get("baud") or rig.backend.baud or BAUD
+    baud = options.get("baud") or rig.backend.baud or BAUDS["emulated"]
     return baud if isinstance(baud, int) else 0
 
 

@@ -95,6 +95,7 @@ class LineBench(PortBench[Talk]):
         self._orders: deque[_Order] = deque()  # commands to be sent next
         self._interrupted = False  # a query was in progress when `safe` was called; its answer is not awaited
         self._exchanged = False  # another device may be on the line: it is identified before any command
+        self._takes = math.inf  # s, shortest time so far of the queries that are made for each sample
         self._distrust = ""  # why the device can no longer be trusted; empty if it can
 
     @property
@@ -107,6 +108,11 @@ class LineBench(PortBench[Talk]):
         """Actuators whose commands the device answers, according to the rig file."""
         asked = self._lines.confirm is not None
         return frozenset(name for name, part in self._lines.actuators.items() if part.patterns or asked)
+
+    @property
+    def sample_takes(self) -> float:
+        """s that a sample takes, the shortest so far; 0 before there is one."""
+        return self._takes if math.isfinite(self._takes) else 0.0
 
     @property
     def _failure(self) -> str:
@@ -333,6 +339,7 @@ class LineBench(PortBench[Talk]):
             self._outbox.gap(missed)
         self._index += missed + 1
         reading = yield from self._poll.asking(talk, self._outbox.commanded)
+        self._takes = min(self._takes, reading.takes or math.inf)
         self._take_changes(reading)
         commands = tuple(self._outbox.commanded[name] for name in self._rig.layout.commands)
         self._outbox.samples.append(Sample(reading.time, reading.values, commands))

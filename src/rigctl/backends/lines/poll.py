@@ -28,6 +28,7 @@ class PolledSample:
     values: SI, in the order of the rig's layout.
     states: the actuators' states that were read, SI.
     changed: those that differ from the command.
+    takes: s, of the queries that are made for each sample; 0 if one of them has no valid answer.
     """
 
     time: float
@@ -35,6 +36,7 @@ class PolledSample:
     values: tuple[float, ...]
     states: Mapping[str, float]
     changed: Mapping[str, float]
+    takes: float = 0.0
 
 
 class Poll:
@@ -90,6 +92,7 @@ class Poll:
         now = self._clock.now()
         states: dict[str, float] = {}
         answers = []
+        takes = 0.0
         for index, query in enumerate(self._queries):
             if now < self._due[index] - _SLACK or only not in (None, index):
                 continue
@@ -98,6 +101,8 @@ class Poll:
                 self._due[index] = max(self._due[index] + query.every, now)
                 if self._due[index] == now:  # the first query, or the first one after a long time
                     self._due[index] = now + query.every
+            if query.every is None:
+                takes += answer.received - answer.sent if answer is not None else math.nan
             if answer is not None:
                 answers.append(answer)
                 self._take(answer, commanded, states)
@@ -106,7 +111,8 @@ class Poll:
         last = max((answer.received for answer in answers), default=now)
         values = tuple(self._values.get(name, math.nan) for name in self._rig.layout.channels)
         changed = {name: state for name, state in states.items() if state != commanded[name]}
-        return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, states, changed)
+        takes = 0.0 if math.isnan(takes) else takes
+        return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, states, changed, takes)
 
     def _ask(self, talk: Talk, index: int, query: Query) -> Conversation[Answer | None]:
         try:

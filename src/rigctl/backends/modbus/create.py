@@ -15,9 +15,9 @@ from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 from rigctl.rig.modbus import Modbus, Order, Register
+from rigctl.rig.rates import BAUDS
 
 OPTIONS = ("port", "baud")
-BAUD = 19200  #: default of RTU in the standard
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
@@ -48,7 +48,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
     refuse_unknown("option of the modbus backend", options, OPTIONS)
     expected = "e.g. '--port 192.168.0.20:502', or '--port /dev/ttyUSB0' for RTU"
     port = read_port(rig, options, "where is the device?", expected)
-    baud = options.get("baud") or rig.backend.baud or BAUD
+    baud = options.get("baud") or rig.backend.baud or BAUDS["modbus"]
     if not isinstance(baud, int) or isinstance(baud, bool):
         raise RigctlError("not a baud rate", value=str(baud), expected="e.g. 19200")
     require_packages("a device on Modbus", "pymodbus", "modbus", ["pymodbus"])

@@ -44,6 +44,16 @@ def modbus_tcp_address(url: str) -> tuple[str, int] | None:
     return (url.removeprefix("tcp://"), _MODBUS_PORT) if url.startswith("tcp://") else None
 
 
+def is_serial_line(kind: str, url: str) -> bool:
+    """Return whether an address is that of a serial line, here or behind a server of ports (RFC 2217)."""
+    url = url.strip()
+    if kind == "visa":
+        return _VISA_SERIAL.fullmatch(url) is not None
+    if kind == "modbus":
+        return modbus_tcp_address(url) is None
+    return kind in ("serial", "emulated") and not url.startswith(("socket://", "loop://"))
+
+
 def file_name(key: str) -> str:
     """Return a file name for a key: its end in readable form, and a checksum."""
     name = "".join(letter if letter.isalnum() else "-" for letter in key).strip("-")[-40:]

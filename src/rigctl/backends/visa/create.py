@@ -11,9 +11,9 @@ from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Lines, Rig
+from rigctl.rig.rates import BAUDS
 
 OPTIONS = ("port", "baud", "library")
-BAUD = 9600  #: default of a serial line
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
@@ -52,7 +52,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
     settings = {
         "library": str(library),
         "timeout": lines.timeout,
-        "baud": options.get("baud") or rig.backend.baud or BAUD,
+        "baud": options.get("baud") or rig.backend.baud or BAUDS["visa"],
         "frame": lines.frame,
         "send_ends": lines.send_ends,
         "reply_ends": lines.reply_ends,

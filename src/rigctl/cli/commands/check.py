@@ -74,9 +74,11 @@ def _check_procedure(
     from rigctl.planning import preview
     from rigctl.planning.document import as_document
     from rigctl.planning.outline import outline
+    from rigctl.planning.rates import refuse_rates
 
     plan = open_plan(procedure, rig, arg)
     check_family_of(plan.rig)
+    refuse_rates(plan)
     forecast = preview(plan)
     warnings = forecast.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:

@@ -81,7 +81,7 @@ class Control(Action):
         timing = Timing(self.period)
         watch = Watch(self, bench)
         try:
-            bench.need_rate(self.needed_rate)
+            bench.need_rate(1.0 / self.period)
             bench.regulated.add(self.actuator)
             yield from self._loop(bench, watch, timing)
         finally:

@@ -49,6 +49,11 @@ class ControlOnBoard(Control):
 
     required: bool
 
+    @property
+    def needed_rate(self) -> float:
+        """The rate at which the board's loop is monitored, Hz."""
+        return min(1.0 / self.period, _WATCHED)
+
     def settings(self, ahead: float = 0.0) -> LoopSettings:
         """Return the parameters for the board; `ahead` is the feed-forward at the start, SI."""
         gains, bounds = self.gains, self.bounds
@@ -93,7 +98,7 @@ class ControlOnBoard(Control):
         state = LoopState(False, None)
         watch = Watch(self, bench)
         try:
-            bench.need_rate(min(self.needed_rate, _WATCHED))
+            bench.need_rate(self.needed_rate)
             bench.regulated.add(self.actuator)
             yield from self._monitor(bench, watch)
             yield from bench.stop_regulating(self.actuator)
