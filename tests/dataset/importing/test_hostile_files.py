@@ -88,7 +88,9 @@ class Endless(io.RawIOBase):
         (b"time [s],position [mm]\n0,1\n", b"\n" * (1 << 24), "more than 1000000 blank lines"),
         (b"\n", b"\n" * (1 << 24), "the file has no heading"),
         # of 64 bytes: one block holds more bad rows than are counted, but not millions of them
-        (b"time [s],position [mm]\n0,1\n", (b"x" * 61 + b",x\n") * (1 << 18), "nothing was imported"),
+        (b"time [s],position [mm]\n0,1\n", (b"x" * 62 + b",\n") * (1 << 18), "nothing was imported"),
+        (b"time [s],position [mm]\n0,1\n", (b"x" * 61 + b",x\n") * (1 << 18), "3: another heading"),
+        (b"\ntime [s],position [mm]\n0,1\n", (b"1.1." * 15 + b"1,\n") * (1 << 18), "nothing was imported"),
     ],
 )
 def test_a_compressed_file_of_eleven_gigabytes_is_read_as_far_as_it_is_a_table(
@@ -163,6 +165,21 @@ def test_a_reader_that_crashes_or_hangs_gives_an_error_message(
     path.write_bytes(b"MDF")
     with pytest.raises(RigctlError, match=said.replace("(", r"\(")):
         foreign.open_in_process(path, Options(), "hostile_readers", function)
+
+
+def test_a_good_file_is_not_refused_because_the_computer_is_slow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limit of time is for endless loops: importing its libraries takes a reader up to 10 s."""
+    allowed: list[float] = []
+    monkeypatch.setattr(foreign, "_start", lambda task: allowed.append(task["seconds"]) or 1)
+    path = tmp_path / "log.mf4"
+    for size in (3, 10_000_000):
+        path.write_bytes(b"MDF" + bytes(size))
+        with pytest.raises(RigctlError, match="crashed"):
+            foreign.open_in_process(path, Options(), "hostile_readers", "crash")
+    assert allowed[0] >= 60.0
+    assert allowed[1] >= 100.0
 
 
 def mdf() -> bytearray:

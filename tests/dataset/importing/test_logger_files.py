@@ -270,6 +270,22 @@ def test_numbers_with_the_other_decimal_sign_are_refused(desk: Desk) -> None:
     assert "expected a number with a decimal comma" in str(problem)
 
 
+@pytest.mark.parametrize("sign", [" ", "'", "\N{NO-BREAK SPACE}", "\N{NARROW NO-BREAK SPACE}"])
+def test_a_whole_number_in_groups_among_fractions_is_read_only_if_the_decimal_sign_is_given(
+    desk: Desk, sign: str
+) -> None:
+    """The sign between its digits may have been typed instead of the point."""
+    text = f"time [s];{T1}\n0;434.5\n1;436{sign}250\n2;437.5\n"
+    problem = desk.refusal(text)
+    assert (problem.where.line, problem.where.column) == (3, 3)
+    expected = "expected a number with a decimal point, as in the first rows, or --decimal '.' (436250)"
+    assert expected in str(problem)
+    run = desk.run(text, decimal=".")
+    assert run.signals("temperature_1") - 273.15 == pytest.approx([434.5, 436250.0, 437.5])
+    whole = f"time [s];{T1}\n0;434\n1;1{sign}250\n2;437\n"  # without fractions there is only one reading
+    assert desk.run(whole).signals("temperature_1") - 273.15 == pytest.approx([434.0, 1250.0, 437.0])
+
+
 def test_thousands_separators_are_read_when_the_decimal_sign_is_given(desk: Desk) -> None:
     text = f"time [s];{T1}\n0;1,234\n1;2,500\n"
     assert desk.run(text).signals("temperature_1") - 273.15 == pytest.approx([1.234, 2.5])
@@ -283,6 +299,8 @@ def test_a_number_that_may_mark_a_missing_value_is_reported(desk: Desk) -> None:
 
 
 def test_lines_that_are_not_rows_are_skipped(desk: Desk) -> None:
+    run = desk.run(f"\n\ntime [s];{T1}\n0;20,5\n\n1;21,5\n")
+    assert run.signals("time").tolist() == [0.0, 1.0]
     run = desk.run(f"sep=;\ntime [s];{T1}\n0;20,5\n# paused\n1;21,5\n# end\n")
     assert run.signals("temperature_1") - 273.15 == pytest.approx([20.5, 21.5])
 

@@ -10,7 +10,8 @@ import pytest
 
 from open_range import without_ranges
 from rigctl.dataset import open_run
-from rigctl.dataset.importing import Options, import_file, read_table
+from rigctl.dataset.importing import Options, formats, import_file, read_table
+from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
 BOARD = Path(__file__).parents[3] / "rigs" / "heater-board.yaml"
@@ -23,8 +24,8 @@ def board() -> Rig:
     return without_ranges(BOARD)
 
 
-def written(path: Path, readings: np.ndarray) -> Path:
-    columns = {"time [s]": TIMES, "temperature_1 [degC]": readings, "heater_1 [%]": 0.0 * TIMES}
+def written(path: Path, readings: np.ndarray, times: np.ndarray = TIMES) -> Path:
+    columns = {"time [s]": times, "temperature_1 [degC]": readings, "heater_1 [%]": 0.0 * times}
     frame = pd.DataFrame(columns)
     match path.suffix:
         case ".csv":
@@ -38,7 +39,7 @@ def written(path: Path, readings: np.ndarray) -> Path:
 
             savemat(
                 path,
-                {"time": TIMES, "temperature_1": readings, "units": {"time": "s", "temperature_1": "degC"}},
+                {"time": times, "temperature_1": readings, "units": {"time": "s", "temperature_1": "degC"}},
             )
         case _:
             from nptdms import ChannelObject, TdmsWriter
@@ -46,7 +47,7 @@ def written(path: Path, readings: np.ndarray) -> Path:
             with TdmsWriter(str(path)) as writer:
                 writer.write_segment(
                     [
-                        ChannelObject("log", "time [s]", TIMES),
+                        ChannelObject("log", "time [s]", times),
                         ChannelObject("log", "temperature_1 [degC]", readings.astype(np.float32)),
                     ]
                 )
@@ -106,3 +107,30 @@ def test_a_draft_and_a_table_of_observations_know_them(tmp_path: Path) -> None:
     done = import_file(tmp_path / "curve.csv", None, tmp_path / "runs")
     assert "head" not in open_run(done.path).record(450).measures
     assert any("head: 1 value is -9999" in note for note in done.notes)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "xlsx", "mat", "tdms"])
+@pytest.mark.parametrize(("row", "mark"), [(0, -9999.0), (300, -999.9), (599, 9999.0)])
+def test_a_mark_is_no_time(
+    tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch, kind: str, row: int, mark: float
+) -> None:
+    monkeypatch.setattr(formats, "isolated", False)
+    times = TIMES.copy()
+    times[row] = mark
+    path = written(tmp_path / f"log.{kind}", READINGS, times)
+    said = rf"time: a mark of a missing value, got '{mark:g}'; expected a time; '--missing none'"
+    with pytest.raises(RigctlError, match=said):
+        import_file(path, board, tmp_path / "runs")
+    with pytest.raises(RigctlError, match=said):
+        read_table(path)
+    done = import_file(path, board, tmp_path / "runs", keep_good=True)
+    assert (done.rows, done.left_out) == (599, 1)
+    assert open_run(done.path).signals("time").tolist() == np.delete(TIMES, row).tolist()
+
+
+def test_times_before_zero_may_be_marks(tmp_path: Path, board: Rig) -> None:
+    path = written(tmp_path / "log.csv", READINGS, TIMES - 9999.0)
+    assert import_file(path, board, tmp_path / "runs").rows == 600
+    path = written(tmp_path / "log.csv", READINGS, np.array([*TIMES[:-1], 9999.0]))
+    options = Options(missing=("none",))
+    assert import_file(path, board, tmp_path / "runs", options=options).rows == 600

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
+#: cells without a number up to which the decimal sign is looked for; such a file is refused for its rows
+_MOST_OTHERS: Final = 100_000
 #: lines at most before the data
 _MOST_LINES: Final = 20_000
 
@@ -204,15 +206,25 @@ def open_csv(path: Path, options: Options) -> CsvFile:
             remarks.append("its times name no time zone; they are taken as UTC (--zone says otherwise)")
     missing = frozenset((*NO_VALUE, *options.missing))
     stated = options.decimal is not None
-    cells = Cells(dialect.delimiter, dialect.decimal, missing, indices, stated, dialect.repeats)
+    cells = Cells(
+        dialect.delimiter, dialect.decimal, missing, indices, stated, dialect.repeats, dialect.fractions
+    )
     file = CsvFile(path, headings, cells, form, dialect.lines, time, origin, tuple(remarks))
-    if not stated:
-        _refuse_ambiguous_thousands(file, dialect, options, complete=complete)
-    return file
+    if stated or _decimal_sign_is_clear(file, dialect, options, complete=complete):
+        return file
+    doubt = f"'{dialect.decimal}' is taken for the decimal sign (--decimal says otherwise)"
+    return replace(file, remarks=(*file.remarks, f"many cells are no numbers; {doubt}"))
 
 
-def _refuse_ambiguous_thousands(file: CsvFile, dialect: Dialect, options: Options, *, complete: bool) -> None:
-    """Refuse ``1.011`` below ``978`` in a file without another number that shows what the point means."""
+def _decimal_sign_is_clear(file: CsvFile, dialect: Dialect, options: Options, *, complete: bool) -> bool:
+    """Return whether the whole file was examined for what its decimal sign may mean.
+
+    Raises
+    ------
+    RigctlError
+        ``1.011`` stands below ``978``, without another number that shows what the point means.
+    """
+    everything = True
     used = [index for index, one in enumerate(file.headings) if options.ours(one.name) != "-"]
     check = Thousands(dialect.decimal)
     for row in dialect.sample:
@@ -221,8 +233,9 @@ def _refuse_ambiguous_thousands(file: CsvFile, dialect: Dialect, options: Option
         check = Thousands(dialect.decimal)
         for cells, lines in file.cell_texts(used):
             check.take(cells, lines)
-            if check.settled:
-                return
+            everything = check.others <= _MOST_OTHERS
+            if check.settled or not everything:
+                break
     found = check.ambiguous()
     if found is not None:
         column, line, cell, whole = found
@@ -234,6 +247,7 @@ def _refuse_ambiguous_thousands(file: CsvFile, dialect: Dialect, options: Option
             f"'{',' if sign == '.' else '.'}' ({cell.replace(sign, '')})",
             where=Location(file.path, line),
         )
+    return everything or check.settled
 
 
 def _head(path: Path, form: TextForm) -> tuple[str, bool]:

@@ -34,6 +34,7 @@ class Cells:
     time: indices of the cells that form the time, joined with a space, unless it is a plain number; the last
         of them is the index of the time column.
     stated: the user has specified the decimal sign.
+    fractions: indices of the columns in whose first rows a number has a decimal sign.
     repeats: the rows of names above the values, which are skipped where they come again.
     """
 
@@ -43,6 +44,7 @@ class Cells:
     time: tuple[int, ...] = ()
     stated: bool = False
     repeats: frozenset[tuple[str, ...]] = frozenset()
+    fractions: frozenset[int] = frozenset()
 
 
 def read_rows(
@@ -179,7 +181,9 @@ def _read_row(
         cell = row_cells[index].strip(" \t")
         if "\n" in cell:
             return Fault(line, f"{headings[index].name}: a quote is not closed", cell, "one on each side")
-        value = read_number(cell, cells.decimal, cells.missing, stated=cells.stated)
+        value = read_number(
+            cell, cells.decimal, cells.missing, stated=cells.stated, fractions=index in cells.fractions
+        )
         if value is None:
             column = cell_place(cells.delimiter.join(row_cells), cells.delimiter, index + 1)
             return Fault(line, f"{headings[index].name}: not a number", cell, _expected(cell, cells), column)
@@ -189,7 +193,11 @@ def _read_row(
 
 def _expected(cell: str, cells: Cells) -> str:
     other = "," if cells.decimal == "." else "."
+    sign = "comma" if cells.decimal == "," else "point"
+    whole = read_number(cell, cells.decimal, cells.missing)
+    if whole is not None:
+        stated = f"--decimal '{cells.decimal}' ({whole:g})"
+        return f"a number with a decimal {sign}, as in the first rows, or {stated}"
     if read_number(cell, other) is not None:
-        sign = "comma" if cells.decimal == "," else "point"
         return f"a number with a decimal {sign}, as in the first rows (--decimal says which)"
     return "a finite number"

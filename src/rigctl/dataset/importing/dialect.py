@@ -22,7 +22,7 @@ from rigctl.dataset.importing.layouts import (
     unit_row,
 )
 from rigctl.dataset.importing.missing_values import is_comment
-from rigctl.dataset.importing.numbers import find_decimal
+from rigctl.dataset.importing.numbers import find_decimal, read_number
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.errors import Location, RigctlError
@@ -65,6 +65,18 @@ class Dialect:
         first = self.sample[0]
         written = self.delimiter.join(first.cells)
         return Location(path, first.line, cell_place(written, self.delimiter, index + 1))
+
+    @property
+    def fractions(self) -> frozenset[int]:
+        """The indices of the columns in whose first rows a number has a decimal sign."""
+        return frozenset(
+            index
+            for index in range(len(self.headings))
+            if any(
+                self.decimal in cell and read_number(cell, self.decimal) is not None
+                for cell in self.column(index)
+            )
+        )
 
     def column(self, index: int) -> list[str]:
         """Return the cells of a column in the first rows."""
@@ -181,8 +193,8 @@ def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
             before = 0
             for cells in reader:
                 line, before = before + 1, reader.line_num
-                known = not is_comment(cells) and not (before <= 1 and cells[0].startswith("sep="))
-                if any(cell.strip() for cell in cells) and known:
+                blank = not any(cell.strip() for cell in cells)
+                if not blank and not is_comment(cells) and not (line == 1 and cells[0].startswith("sep=")):
                     rows.append(Row(line, before, tuple(cells)))
                 if len(rows) > SAMPLE_ROWS:
                     break

@@ -21,8 +21,6 @@ _THOUSANDS: Final = {
     ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d*)?"),
 }
 _THREE: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-
-
 _WHOLE: Final = re.compile(r"[+-]?\d{1,3}")
 _LONG: Final = re.compile(r"[+-]?\d{4,}")
 
@@ -40,6 +38,7 @@ class Thousands:
         self._decimal = re.compile(rf"[+-]?\d*{mark}\d*([eE][+-]?\d+)?")
         self._sign = sign
         self.settled = False  #: it is the decimal sign
+        self.others = 0  #: cells that are no numbers
         self._threes: dict[int, tuple[int, str]] = {}
         self._wholes: dict[int, str] = {}
         self._long: set[int] = set()
@@ -53,11 +52,15 @@ class Thousands:
                         self._wholes.setdefault(index, cell)
                     elif _LONG.fullmatch(cell):
                         self._long.add(index)
+                    else:
+                        self.others += cell not in NO_VALUE
                 elif self._three.fullmatch(cell):
                     self._threes.setdefault(index, (line, cell))
                 elif self._decimal.fullmatch(cell) and len(cell.strip("+-")) > 1:
                     self.settled = True
                     return
+                else:
+                    self.others += 1
 
     def ambiguous(self) -> tuple[int, int, str, str] | None:
         """Return the index of a column, a line, its number, and a whole number; None if all is clear."""
@@ -79,12 +82,18 @@ def find_decimal(cells: Sequence[str]) -> tuple[str, bool]:
 
 
 def read_number(
-    cell: str, decimal: str, missing: Collection[str] = NO_VALUE, *, stated: bool = False
+    cell: str,
+    decimal: str,
+    missing: Collection[str] = NO_VALUE,
+    *,
+    stated: bool = False,
+    fractions: bool = False,
 ) -> float | None:
     """Return the number in a cell, NaN if it is missing, None for anything else.
 
     A cell with the other decimal sign is not accepted, as guessing might be wrong by a factor of 1000. Only
-    if the user has `stated` the decimal sign may the other one separate thousands.
+    if the user has `stated` the decimal sign may the other one separate thousands; and only then is
+    ``436 250`` a whole number among numbers with `fractions`, where the blank may stand for a decimal sign.
     """
     if cell in missing:
         return math.nan
@@ -95,6 +104,8 @@ def read_number(
     if grouped and cell.count(decimal) == 1 and cell.rfind(decimal) > cell.rfind(grouped[1]):
         cell = cell.replace(grouped[1], "")
     elif _SPACED.fullmatch(cell):
+        if fractions and not stated:
+            return None
         cell = re.sub(r"['\u00a0\u2009\u202f ]", "", cell)
     elif other in cell:
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from rigctl.dataset.importing.checks import marks_of
 from rigctl.dataset.importing.formats import open_source
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.sentinels import Sentinels, blanked
+from rigctl.dataset.importing.sentinels import Sentinels, blanked, without_marked_times
 from rigctl.dataset.importing.table import Part, Source, refuse
 from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
@@ -105,19 +106,14 @@ def table_of(
         parts.append(part)
         if most is not None and sum(len(one.lines) for one in parts) >= most:
             break
+    dated = [index for index in wanted if ours[index] == "time" and source.headings[index].seconds]
+    times = [index for index in wanted if ours[index] == "time" and index not in dated]
+    parts = _without_marks(parts, [index for index in wanted if index not in dated], times, options)
     faults = [fault for part in parts for fault in part.faults]
     if faults and not keep_good:
         raise refuse(path, faults, len(faults) + sum(part.more_faults for part in parts))
     if not sum(len(part.lines) for part in parts):
         raise RigctlError("there is nothing in it", expected="rows of values", where=Location(path))
-    sentinels = Sentinels([index for index in wanted if ours[index] != "time"])
-    for part in parts:
-        sentinels.take(part)
-    marks = {
-        index: (*marks_of(options.missing_numbers), *sentinels.found().get(index, ()))
-        for index in sentinels.columns
-    }
-    parts = [blanked(part, marks) for part in parts]
     columns = tuple(
         TableColumn(
             source.headings[index].name,
@@ -136,6 +132,25 @@ def table_of(
         tuple(label.texts[code] for label in labels for code in label.codes.tolist()) or None,
         source.remarks,
     )
+
+
+def _without_marks(
+    parts: Sequence[Part], numbers: Sequence[int], times: Sequence[int], options: Options
+) -> list[Part]:
+    """Return all rows without the numbers that mark missing values, as an import reads them.
+
+    Parameters
+    ----------
+    numbers, times: indices of the columns of numbers, and of those of them that are times.
+    """
+    keep = "none" in options.missing
+    sentinels = Sentinels([] if keep else numbers, times)
+    for part in parts:
+        sentinels.take(part)
+    found, given = sentinels.found(), marks_of(options.missing_numbers)
+    marks = {index: (*given, *found.get(index, ())) for index in numbers if index not in times}
+    marked = {index: found[index] for index in times if index in found}
+    return [blanked(without_marked_times(part, marked, "time"), marks) for part in parts]
 
 
 def has_numbers(source: Source, index: int, *, empty: bool = False) -> bool:

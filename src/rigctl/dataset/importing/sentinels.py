@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.missing_values import NO_NUMBER
-from rigctl.dataset.importing.table import Part
+from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, Part, cut
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,12 +31,15 @@ class Sentinels:
 
     Parameters
     ----------
-    columns: indices of the columns that may have marks: not the times.
+    columns: indices of the columns that may have marks.
+    times: those of them that are times of the rows, or of a channel.
     """
 
     columns: Sequence[int]
+    times: Collection[int] = ()
     _counts: dict[int, dict[float, int]] = field(default_factory=dict)
     _others: dict[int, tuple[int, float]] = field(default_factory=dict)
+    _negative: set[int] = field(default_factory=set)
 
     def take(self, part: Part) -> None:
         """Look at the next rows."""
@@ -50,6 +53,8 @@ class Sentinels:
             for mark, count in zip(*np.unique(present[marked], return_counts=True), strict=True):
                 counts[float(mark)] = counts.get(float(mark), 0) + int(count)
             number, largest = self._others.get(index, (0, 0.0))
+            if (present[~marked] < 0.0).any():
+                self._negative.add(index)
             rest = np.abs(present[~marked])
             self._others[index] = (
                 number + len(rest), max(largest, float(rest.max())) if len(rest) else largest
@@ -64,7 +69,9 @@ class Sentinels:
                 mark: count
                 for mark, count in counts.items()
                 # a command that is otherwise zero may have been 9999 once
-                if abs(mark) >= _FAR * largest and (largest > 0.0 or mark < 0.0)
+                if (abs(mark) >= _FAR * largest and (largest > 0.0 or mark < 0.0))
+                # times count from zero, unless others of them are negative too
+                or (index in self.times and index not in self._negative and mark < 0.0)
             }
             if far and number >= _FEWEST:
                 result[index] = far
@@ -77,6 +84,38 @@ def blanked(part: Part, marks: Mapping[int, Iterable[float]]) -> Part:
     for index, numbers in marks.items():
         columns[index] = without(columns[index], numbers)
     return replace(part, columns=columns)
+
+
+def without_marked_times(part: Part, marks: Mapping[int, Iterable[float]], name: str) -> Part:
+    """Return the rows whose times are none of their column's marks; the others become faults.
+
+    Parameters
+    ----------
+    marks: by the index of a column of times.
+    name: of the times, for messages.
+    """
+    import numpy as np
+
+    for index, numbers in marks.items():
+        times = part.columns[index]
+        marked = np.isin(times, list(numbers))
+        if not marked.any():
+            continue
+        faults = [
+            Fault(
+                int(part.lines[row]),
+                f"{name}: a mark of a missing value",
+                f"{times[row]:g}",
+                "a time; '--missing none' takes it for one",
+                group=part.group,
+                path=part.path,
+            )
+            for row in np.flatnonzero(marked)[:KEPT_FAULTS].tolist()
+        ]
+        more = part.more_faults + int(marked.sum()) - len(faults)
+        ordered = sorted((*part.faults, *faults), key=lambda fault: fault.line)
+        part = replace(cut(part, ~marked), faults=tuple(ordered), more_faults=more)
+    return part
 
 
 def without(values: NDArray[np.float64], numbers: Iterable[float]) -> NDArray[np.float64]:

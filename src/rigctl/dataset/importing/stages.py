@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rigctl.dataset.importing.checks import marks_of
 from rigctl.dataset.importing.columns import Assigned, places_of
@@ -15,16 +15,13 @@ from rigctl.dataset.importing.groups import GroupedFile
 from rigctl.dataset.importing.increasing import spread
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.resampling import resample
-from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark
+from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark, without_marked_times
 from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
-from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source
+from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source, cut
 from rigctl.errors import Location, RigctlError
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 _VALUED: Final = ("channel", "command", "other")
+_TIMES: Final = ("time", "clock")
 #: limit of the numbers in memory, bytes
 _MOST: Final = 2_000_000_000
 
@@ -39,8 +36,14 @@ class Stages:
     marks: Mapping[int, Mapping[float, int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        valued = [column.index for column in self.assigned if column.kind in _VALUED]
-        self.sentinels = Sentinels([] if "none" in self.options.missing else valued)
+        self.valued = [column.index for column in self.assigned if column.kind in _VALUED]
+        times = [
+            column.index
+            for column in self.assigned
+            if column.kind in _TIMES and not column.heading.seconds  # where a mark is not a date
+        ]
+        keep = "none" in self.options.missing
+        self.sentinels = Sentinels([] if keep else [*self.valued, *times], times)
 
     def find_marks(self) -> bool:
         """After a pass, take the numbers that turned out to be marks of missing values for the next passes;
@@ -52,16 +55,21 @@ class Stages:
     def mark_remarks(self) -> Iterator[str]:
         """Return a remark on the marks of each column."""
         for column in self.assigned:
-            if column.index in self.marks:
+            if column.index in self.marks and column.kind != "time":  # each of which is a bad row
                 yield remark(column.name, self.marks[column.index])
 
     def _read(self, source: Source, wanted: Sequence[int], record: int | None) -> Iterator[Part]:
         """Yield the rows of the file without marks of missing values."""
         numbers = marks_of(self.options.missing_numbers).tolist()
-        every = {index: (*numbers, *self.marks.get(index, ())) for index in self.sentinels.columns}
+        every = {index: (*numbers, *self.marks.get(index, ())) for index in self.valued}
+        times: dict[int, tuple[float, ...]] = {}
+        for column in self.assigned:
+            if column.kind in _TIMES and column.index in self.marks:
+                # a row without a time is a bad one; a channel's own clock may lack some
+                (times if column.kind == "time" else every)[column.index] = (*self.marks[column.index],)
         for part in source.parts(wanted, record):
             self.sentinels.take(part)
-            yield blanked(part, every)
+            yield blanked(without_marked_times(part, times, "time"), every)
 
     @property
     def needed(self) -> bool:
@@ -146,13 +154,6 @@ class Stages:
             part = cut(part, good)
             times = times[good]
         return replace(part, columns={**part.columns, time: times})
-
-
-def cut(part: Part, rows: NDArray[np.bool_] | slice) -> Part:
-    """Return some of the rows of a part."""
-    labels = part.labels and Labels(part.labels.codes[rows], part.labels.texts, part.labels.named)
-    columns = {index: values[rows] for index, values in part.columns.items()}
-    return replace(part, columns=columns, lines=part.lines[rows], labels=labels)
 
 
 def _slices(part: Part) -> Iterator[Part]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -134,6 +134,13 @@ class Source(Protocol):
         RigctlError
             the file cannot be read, or a wanted column is not numeric.
         """
+
+
+def cut(part: Part, rows: NDArray[np.bool_] | slice) -> Part:
+    """Return some of the rows of a part."""
+    labels = part.labels and Labels(part.labels.codes[rows], part.labels.texts, part.labels.named)
+    columns = {index: values[rows] for index, values in part.columns.items()}
+    return replace(part, columns=columns, lines=part.lines[rows], labels=labels)
 
 
 def labels_of_numbers(values: NDArray[np.float64]) -> Labels:

@@ -177,7 +177,7 @@ class Lines:
             self.line += lines
             if piece.strip():
                 blank = 0
-                yield first, piece
+                yield first, piece.rstrip(b"\r\n")
             elif (blank := blank + lines) > _MOST_BLANK:
                 raise RigctlError(
                     f"more than {_MOST_BLANK} blank lines", where=Location(self._path, first), expected="rows"
