@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import sys
 from pathlib import Path
@@ -11,6 +12,9 @@ import pytest
 
 from rigctl.backends.registry import address_of
 from rigctl.backends.transport.address_key import address_key, file_name
+from rigctl.backends.transport.pyserial_port import open_port
+from rigctl.clock import ScaledClock
+from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
 
@@ -82,3 +86,21 @@ def test_a_name_is_its_numerical_address_and_an_unknown_one_itself(monkeypatch: 
     monkeypatch.setattr(socket, "getaddrinfo", look_up)
     assert address_key("modbus", "bench:502") == address_key("modbus", "10.0.0.9:502")
     assert address_key("modbus", "Elsewhere.:502") == "tcp elsewhere 502"
+
+
+@pytest.mark.parametrize(
+    ("kind", "url"),
+    [
+        ("serial", "socket://bench:723456"),
+        ("serial", "socket://[::1:7000"),
+        ("serial", "rfc2217://bench:port"),
+        ("opcua", "opc.tcp://bench:99999"),
+        ("opcua", "opc.tcp://[::1"),
+    ],
+)
+def test_what_is_no_address_is_its_own_key_and_refused_with_one_message(kind: str, url: str) -> None:
+    """It used to end with a traceback, before the port that cannot be opened could be reported."""
+    assert address_key(kind, url) == url
+    if kind == "serial":
+        with pytest.raises(RigctlError, match=re.escape(f"no address, got '{url}'; expected ")):
+            open_port(url, {"baud": 9600, "frame": "8N1"}, ScaledClock())

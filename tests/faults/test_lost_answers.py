@@ -164,3 +164,23 @@ def test_a_signal_ends_a_wait_for_the_answer_of_a_line_device(
     assert max(time for time, _, _ in stand.seen) - pressed[0] < 0.11
     assert stand.on_after(pressed[0]) == []
     assert done.result.unconfirmed is None
+
+
+@pytest.mark.parametrize("ending", ["signal", "failed step"])
+@pytest.mark.parametrize("delay", [0.3, 0.45])
+def test_an_ending_waits_as_long_as_a_device_usually_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, delay: float
+) -> None:
+    """Answers within the time-out of 0.5 s used to be too late at the end: the heater was doubtful."""
+    stand = Stand("lines", Workshop(tmp_path), monkeypatch)
+    stand.clock.at(3.0, lambda: setattr(stand.port, "delay", delay))
+    steps = "steps:\n  - set: {heater_1: 60 %}\n  - wait: {until: temperature_1 > 90 degC, timeout: 20 s}\n"
+    if ending == "signal":
+        stand.signal_at(12.0)
+    done = stand.run(steps)
+    assert done.result.unconfirmed is None
+    assert "NOT CONFIRMED" not in str(done.result.reason)
+    assert stand.is_off()
+    end = 12.0 if ending == "signal" else 20.0
+    (off,) = (time for time, _, value in stand.seen if value == 0.0)
+    assert off > end

@@ -242,3 +242,20 @@ def test_a_tolerance_below_the_noise_is_a_warning(previewed: See, within: str, w
     found = previewed(f"steps:\n  - heat: {{to: 21 degC, within: {within}, settle: 10 s}}\n").warnings
     text = "the tolerance is smaller than its noise of 0.1 K and its converter step of 0.25 K"
     assert any(text in message for _, message in found) == warned
+
+
+@pytest.mark.parametrize(("within", "warned"), [("0.04 bar", True), ("0.5 bar", False)])
+@pytest.mark.parametrize(
+    "step",
+    [
+        "set_pressure: {to: 30 bar, within: WITHIN}",
+        "hold: {for: 1 min, channel: supply_pressure, at: 30 bar, within: WITHIN}",
+    ],
+)
+def test_every_step_with_a_tolerance_is_compared_with_the_noise(
+    previewed: See, step: str, within: str, warned: bool
+) -> None:
+    found = previewed(f"steps:\n  - {step.replace('WITHIN', within)}\n").warnings
+    assert (
+        any("supply_pressure: the tolerance is smaller than its" in message for _, message in found) == warned
+    )

@@ -73,3 +73,7 @@ class Action(ABC):
     def set_point(self) -> SetPoint | None:
         """Return the channel that it controls, and the target; None if it controls no channel."""
         return None
+
+    def settles_at(self) -> SetPoint | None:
+        """Return the channel and the tolerance in which its reading has to settle; None if there is none."""
+        return self.set_point()

@@ -248,7 +248,7 @@ class _Walker(Visitor[PreviewNode]):
 
 def too_fine(rig: Rig, action: Action) -> str | None:
     """Why the readings of a step's channel cannot settle within its tolerance; None if they can."""
-    wanted = action.set_point()
+    wanted = action.settles_at()
     if wanted is None or wanted.within is None:
         return None
     why = rig.channels[wanted.channel].too_fine(wanted.within)

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from rigctl.plan.action import Action
+from rigctl.plan.action import Action, SetPoint
 from rigctl.plan.behaviour import Behaviour, Bench, Question, Until, every_sample
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Part, Short
@@ -143,6 +143,10 @@ class SetLevel(Action):
         if row is None:
             raise StepFailed(settling.gave_up(bench, self.channel, self.timeout), outcome=Outcome.TIMED_OUT)
         return Outcome.COMPLETE
+
+    def settles_at(self) -> SetPoint:
+        """Return the channel and its tolerance. It is no set-point of the channel, but of the actuator."""
+        return SetPoint(self.channel, self.to, self.within)
 
     def lasting(self) -> frozenset[str]:
         """Return the actuator: its level remains after the step."""

@@ -27,6 +27,8 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Exchange, Lines, Rig
 
 _SAFE_ANSWER = 0.2  # s for the answer to each safe command at the end of a run, which must be safe within 1 s
+#: on a device whose answers take longer, this times the slowest of the newest, up to the rig file's time-out
+_SAFE_MARGIN = 2.0
 
 
 @dataclass(slots=True)
@@ -179,7 +181,8 @@ class LineBench(PortBench[Talk]):
         self._safe_for_closing(talk)
 
     def _safe_for_closing(self, talk: Talk) -> None:
-        trouble = carry_through(self._making_safe(talk, _SAFE_ANSWER), talk.take)
+        patience = max(_SAFE_ANSWER, min(_SAFE_MARGIN * talk.slowest, self._lines.timeout))
+        trouble = carry_through(self._making_safe(talk, patience), talk.take)
         if trouble is not None:
             raise trouble
 

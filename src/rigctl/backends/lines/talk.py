@@ -21,6 +21,7 @@ from rigctl.rig import Exchange, Lines
 
 _LONGEST = 4096  # longest line, bytes; data without a line end in so many are garbage
 _QUIET = 0.1  # s
+_REMEMBERED = 20  # answers of which the slowest is known
 _KEPT, _WIDTH = 3, 60  # number and length of the unsolicited lines whose text is kept
 _LONGEST_NOISE = 1.0  # longest uninterrupted output of a line-based device, s
 
@@ -68,6 +69,7 @@ class Talk:
         self.stray = 0
         self.stray_texts: deque[str] = deque(maxlen=_KEPT)
         self.established = False
+        self._took: deque[float] = deque(maxlen=_REMEMBERED)  # s, from a command to its answer
         self._bytes = 0  # number of bytes that have arrived
         self.last_sent = clock.now()  #: s
         self._in_step = True  # no answer to an earlier query is outstanding
@@ -79,6 +81,11 @@ class Talk:
     def heard(self) -> bool:
         """Whether anything has arrived since the port was opened."""
         return self._bytes > 0
+
+    @property
+    def slowest(self) -> float:
+        """The longest time that one of the newest answers has taken, s; 0 before there is one."""
+        return max(self._took, default=0.0)
 
     @property
     def in_step(self) -> bool:
@@ -145,6 +152,7 @@ class Talk:
             found, wrong = yield from self._read_answer(exchange, command, deadline)
             if found is not None and fits(found):
                 self._in_step = True
+                self._took.append(self._clock.now() - sent)
                 if exchange != self._lines.identify:  # answers come in order: none is due from before
                     self._identities_due = 0
                 return Answer(found, sent, self._clock.now())

@@ -94,12 +94,14 @@ def _looked_up(name: str) -> str:
 def _serial(url: str) -> str:
     """Return the key of a serial port of this computer, or of a pyserial URL."""
     if "://" in url:
-        parts = urlsplit(url)
-        if parts.scheme.casefold() == "socket" and parts.hostname and parts.port:
-            return _tcp(parts.hostname, parts.port)
-        if parts.hostname and parts.port:
-            return f"{parts.scheme.casefold()} {_host(parts.hostname)} {parts.port}"
-        return url
+        try:
+            parts = urlsplit(url)
+            host, port, scheme = parts.hostname, parts.port, parts.scheme.casefold()
+        except ValueError:  # no address: whoever opens it says so
+            return url
+        if not host or not port:
+            return url
+        return _tcp(host, port) if scheme == "socket" else f"{scheme} {_host(host)} {port}"
     if sys.platform == "win32":
         return f"port {url.removeprefix(chr(92) * 2 + '.' + chr(92)).upper()}"
     return f"port {os.path.realpath(url)}"
@@ -138,10 +140,10 @@ def _number(part: str) -> str:
 
 def _opcua(url: str) -> str:
     """Return the key of an endpoint."""
-    parts = urlsplit(url)
     try:
+        parts = urlsplit(url)
         port = parts.port or _OPCUA_PORT
-    except ValueError:
+    except ValueError:  # no address: whoever opens it says so
         return url
     path = parts.path.rstrip("/")
     return f"opcua {_host(parts.hostname or '')} {port}{' ' + path if path else ''}"

@@ -6,6 +6,7 @@ import errno
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
+from urllib.parse import urlsplit
 
 from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
@@ -97,6 +98,13 @@ def _require_plain(url: str) -> None:
             value=url,
             expected=f"a device such as /dev/ttyACM0 or COM3, or {urls}",
         )
+    if found:
+        try:
+            _ = urlsplit(url).port
+        except ValueError:
+            raise RigctlError(
+                "no address", value=url, expected=f"{scheme}://HOST:PORT, with a port of 1 to 65535"
+            ) from None
 
 
 def _refusal(url: str, error: Exception) -> Exception:
