@@ -49,6 +49,18 @@ def test_a_board_clock_that_stood_still_is_not_taken_for_a_restart() -> None:
     assert clock.behind == 0.0, "this one began at zero"
 
 
+@pytest.mark.parametrize("begin", [50_000_000, ROLL_OVER - 60_000_000])
+def test_a_board_clock_that_makes_up_for_lost_time_is_not_taken_for_a_restart(begin: int) -> None:
+    """An emulated board that lags when it is identified, and runs faster later, was reported as restarted."""
+    clock = ClockMap()
+    for tick in range(20):
+        assert clock.add(tick, begin + tick * 1_000_000, tick + 0.002)
+    assert not clock.add(20.0, begin + 21_500_000, 20.002)
+    assert clock.behind == pytest.approx(-1.5, abs=0.01)
+    assert not clock.add(20.4, 300_000, 20.402)
+    assert clock.behind == 0.0, "this one began at zero"
+
+
 def test_out_of_order_time_stamps_are_mapped() -> None:
     clock = ClockMap()
     clock.add(0.0, 1000, 0.0)

@@ -22,9 +22,9 @@ from rigctl.rig import load_rig
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
 
 #: the messages of a run that ended because the computer, and the emulated board with it, stalled for longer
-#: than an interlock may be blind; and for how long a test starts such a run again, s: a computer with too many
-#: tests at once emulates no board in real time before some of them have ended
-STOOD_STILL, PATIENCE = "clock stood still", 600.0
+#: than an interlock may be blind; and for how long a test starts such a run again, s: a computer with too
+#: many tests at once emulates no board in real time before some of them have ended
+STALLED, PATIENCE = "when its computer has stalled", 600.0
 
 HEATING = """\
 procedure: heating
@@ -103,7 +103,7 @@ def rigctl(project: Path, *arguments: str) -> tuple[int, str, str]:
     while True:
         with begin(project, *arguments) as process:
             out, err = process.communicate(timeout=600)
-        if STOOD_STILL not in out + err or time.monotonic() > give_up:
+        if STALLED not in out + err or time.monotonic() > give_up:
             return process.returncode, out, err
 
 
@@ -123,7 +123,7 @@ def recording(project: Path, emulation: Emulation, procedure: str) -> Iterator[s
                         return
                     time.sleep(0.005)
                 out, err = process.communicate()
-                assert STOOD_STILL in out + err, (out, err)
+                assert STALLED in out + err, (out, err)
             finally:
                 process.kill()
     pytest.fail("the computer was never quiet enough to emulate a board in real time")

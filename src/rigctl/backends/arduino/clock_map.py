@@ -38,7 +38,7 @@ class ClockMap:
     uncertainty: half-width of the interval of the true time for a time stamp of the board, s.
     behind: time that the board's clock, without a restart, has lost since the previous exchange, s, if `add`
         rejected the latest one; 0 if that one shows a restart. An emulated board loses time when its computer
-        is suspended.
+        is suspended, and makes up for some of it later: negative.
     """
 
     def __init__(self) -> None:
@@ -76,6 +76,8 @@ class ClockMap:
 
         An exchange that contradicts the earlier ones only slightly is left out: a busy computer delays data.
         """
+        if not self._exchanges:  # a board that has been on for more than half the period is not before zero
+            self._last_us, self._board = board_us, board_us * 1e-6
         before, self.behind = self._board, 0.0
         board = self.unwrap(board_us)
         exchange = _Exchange(board, 0.5 * (sent + received), 0.5 * max(received - sent, 0.0))
@@ -84,7 +86,7 @@ class ClockMap:
             error = abs(expected - exchange.host) - exchange.half
             if error > _LOST_TRACK:
                 self._doubted += 1
-                if board >= before and exchange.host > expected:
+                if not self._restarted(before, board_us, exchange):
                     self.behind = exchange.host - expected
                 return error < _RESTARTED and self._doubted < _DOUBTFUL
         self._doubted = 0
@@ -102,6 +104,15 @@ class ClockMap:
         error = abs(self._h0 - host)
         self.uncertainty = best + error
         return True
+
+    def _restarted(self, before: float, board_us: int, exchange: _Exchange) -> bool:
+        """Return whether an exchange that fits none of the earlier ones shows that the board's clock began at
+        zero; without a restart it has only changed its speed.
+
+        Beyond half of the counter's period, the unwrapped time of a restart is later than that of before.
+        """
+        since = exchange.host - self._exchanges[-1].host
+        return exchange.board < before or board_us * 1e-6 <= since + _LOST_TRACK
 
     def _fit(self, board: float) -> tuple[float, float]:
         """Return the rate, and the bench time at board time `board`, s."""

@@ -71,4 +71,5 @@ def _clock_text(behind: float) -> str:
     """Return a description of what the board's time shows."""
     if not behind:
         return "the board was restarted"
-    return f"the board's clock stood still for {behind:.2g} s, as an emulated board's does with its computer"
+    moved = f"stood still for {behind:.2g} s" if behind > 0.0 else f"makes up for {-behind:.2g} s"
+    return f"the board's clock {moved}, as an emulated board's does when its computer has stalled"
