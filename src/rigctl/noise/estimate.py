@@ -24,6 +24,8 @@ _ROUNDING = 1e-12
 _SLOW = 0.975
 #: higher orders of the trend inside a window, tried if a lower one leaves what may be a signal
 _HIGHER_ORDERS = (4, 6)
+#: differences across switches hold more than noise if those within periods are less than this share of them
+_LESS = 0.8
 #: sigma assumed if nothing is known, as a share of the values' magnitude
 _ASSUMED = 0.01
 
@@ -215,16 +217,17 @@ def floor_of(
     """The white floor of one channel over all records; None if there are too few readings.
 
     A difference across a switch holds what the bench answers to it. Where commands change every few samples,
-    that is nearly every difference, and the answers look as white as noise: they are left out. If the
-    periods between switches are too short for a plateau, differences across switches give an upper bound.
+    that is nearly every difference, and the answers look as white as noise: they are left out. Where the
+    periods between switches are too short for a plateau, differences across switches are taken, unless those
+    within periods are clearly smaller.
     """
     within, across = (
         white_floor(list(_pieces(records, ok, channel, spacing, cut=cut)), coarse=coarse)
         for cut in (True, False)
     )
-    if within is not None and len(within.orders) >= LEAST_ORDERS:
-        return within
-    return None if across is None else replace(across, order=0)
+    if within is None or len(within.orders) < LEAST_ORDERS or across is None:
+        return across
+    return within if within.measured or within.sigma < _LESS * across.sigma else across
 
 
 def _pieces(

@@ -48,6 +48,8 @@ Floats = NDArray[np.float64]
 _DOUBTFUL = 3.0
 #: a noise counts as shown if the independent estimate is at least this share of it
 _SHOWN = 0.8
+#: a stated number larger than the noise at rest by a factor up to this may include slower noise
+_MOST_SLOW = 10.0
 #: a model's prediction at rest departs from a trend by less than this share of the floor
 _STILL = 0.3
 #: an input at rest departs from a trend by less than this share of its range
@@ -242,13 +244,13 @@ class _Evidence:
         if channel.own_scale and self._at_rest_throughout(index, channel):
             new = replace(channel, source="differences")
             return new.stated(channel_statement(new, None))
-        slow = isinstance(stated, StatedNoise) and stated.slow is not None
-        if not slow:  # windows cannot show what changes over longer times than theirs
-            shown = self._shown(index, channel)
-            if shown is not None:
-                return shown if stated is None else _beside(shown, _total(stated))
-        if stated is not None:
-            return self._stated(index, channel, stated)
+        shown = self._shown(index, channel)
+        if stated is not None and (shown is None or _slower_than_rest(stated, shown)):
+            by_statement = self._stated(index, channel, stated)
+            if shown is None or by_statement.allowed:
+                return by_statement
+        if shown is not None:
+            return shown if stated is None else _beside(shown, _total(stated))
         return channel if channel.own_scale else _floor_only(channel)
 
     def _shown(self, index: int, channel: ChannelNoise) -> ChannelNoise | None:
@@ -360,6 +362,13 @@ def _total(stated: StatedNoise | float) -> float:
     return stated.total if isinstance(stated, StatedNoise) else stated
 
 
+def _slower_than_rest(stated: StatedNoise | float, shown: ChannelNoise) -> bool:
+    """Whether a statement may hold noise that changes too slowly for windows at rest to show it."""
+    if isinstance(stated, StatedNoise) and stated.slow is not None:
+        return True
+    return 1.0 < _SHOWN * _total(stated) / shown.sigma < _MOST_SLOW
+
+
 def _beside(shown: ChannelNoise, total: float) -> ChannelNoise:
     """A noise that the data show, beside a stated one: with neither, if the two are as far apart as units."""
     factor = max(shown.sigma / total, total / shown.sigma)
@@ -385,7 +394,7 @@ def _steady_windows(measurements: Measurements) -> list[list[tuple[int, int]]]:
             [
                 (first, last)
                 for first, last in window_pieces(record.phase.astype(np.intp))
-                if all(_off_trend(course[first:last]) <= _STEADY * span for course, span in courses)
+                if all(np.ptp(course[first:last]) <= _STEADY * span for course, span in courses)
                 and _no_switch(record, first, last)
             ]
         )
