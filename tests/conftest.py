@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Generator, Iterator
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -91,24 +90,12 @@ LONGEST = (
 )
 
 
-@cache
-def _open_failures() -> tuple[tuple[str, str], ...]:
-    """The tests in ``open_failures.txt``: beginning of the id, and why it fails."""
-    lines = (Path(__file__).parent / "open_failures.txt").read_text("utf-8").splitlines()
-    pairs = [line.split(" | ", 1) for line in lines if line and not line.startswith("#")]
-    return tuple((name, why) for name, why in pairs)
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Deal the longest files to the workers; the others follow, to be stolen by the first idle worker.
 
     `--dist worksteal` gives each worker a run of as many tests as the others in the order collected.
     """
     here = Path(__file__).parent
-    for item in items:
-        reason = next((why for name, why in _open_failures() if item.nodeid.startswith(name)), "")
-        if reason:
-            item.add_marker(pytest.mark.xfail(reason=reason, strict=False))
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     by_file: dict[str, list[pytest.Item]] = {}
     for item in items:

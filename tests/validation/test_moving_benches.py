@@ -153,11 +153,11 @@ def test_answers_on_a_twin_that_hides_something_are_counted() -> None:
         outcome("outside_library"),
         outcome("adequate", untested="no amplitude has the size wanted"),
     ])  # fmt: skip
-    assert found["right, or its class", "something hidden"] == (2, 7)
-    assert found["wrong name", "something hidden"] == (2, 7)
-    assert found["wrong green", "something hidden"] == (1, 7)
-    assert found["not decided", "something hidden"] == (1, 7)
-    assert found["something is missing, not what", "something hidden"] == (1, 7)
+    assert found["right, or its class", "hidden, noise unstated"] == (2, 7)
+    assert found["wrong name", "hidden, noise unstated"] == (2, 7)
+    assert found["wrong green", "hidden, noise unstated"] == (1, 7)
+    assert found["not decided", "hidden, noise unstated"] == (1, 7)
+    assert found["something is missing, not what", "hidden, noise unstated"] == (1, 7)
 
 
 def test_not_decided_is_no_alarm_and_drifting_noise_may_be_called_a_drift() -> None:
@@ -170,8 +170,8 @@ def test_not_decided_is_no_alarm_and_drifting_noise_may_be_called_a_drift() -> N
         outcome("missing_effect", drift, hidden="", colour="drift"),
         TrialOutcome(MovingTrial("spring", "prbs"), failure="no convergence"),
     ])  # fmt: skip
-    assert found["false alarm", "nothing hidden"] == (3, 6)
-    assert found["not decided", "nothing hidden"] == (1, 6)
+    assert found["false alarm", "nothing hidden, noise unstated"] == (3, 6)
+    assert found["not decided", "nothing hidden, noise unstated"] == (1, 6)
     assert found["false alarm", "drift noise, unstated"] == (0, 1)
 
 

@@ -59,13 +59,7 @@ def moving_rates(outcomes: Iterable[MovingOutcome]) -> tuple[Rate, ...]:
     nothing = [outcome for outcome in sound if not outcome.scenario.hidden]
     hidden = [outcome for outcome in sound if outcome.scenario.hidden]
     rates = [
-        rate_of("right, or its class", "something hidden", hidden, right, at_least=0.85),
-        rate_of("wrong name", "something hidden", hidden, wrong, at_most=0.02),
-        rate_of("wrong green", "something hidden", hidden, green, at_most=0.01),
-        rate_of("false alarm", "nothing hidden", nothing, alarm, at_most=0.02),
-        rate_of("not decided", "something hidden", hidden, undecided),
-        rate_of("not decided", "nothing hidden", nothing, undecided),
-        rate_of("something is missing, not what", "something hidden", hidden, _outside),
+        *_by_statement(hidden, nothing),
         rate_of("a verdict for a spoiled log", "all kinds", spoiled, in_colour, at_most=0.0),
         rate_of("failed", "all trials", counted, lambda outcome: bool(outcome.failure), at_most=0.0),
         *_coverage(sound),
@@ -110,6 +104,21 @@ def _answer(outcome: MovingOutcome) -> str:
     return " and ".join(outcome.effects) if _named(outcome) else str(outcome.verdict or "failed")
 
 
+def _by_statement(hidden: Sequence[MovingOutcome], nothing: Sequence[MovingOutcome]) -> Iterator[Rate]:
+    """The answers where the rig file says nothing of the noise, which have targets, and where it does."""
+    for statement in ("unstated", "stated", "wrongly stated"):
+        least, names, greens, alarms = (0.85, 0.02, 0.01, 0.02) if statement == "unstated" else (None,) * 4
+        here = [o for o in hidden if _stated(o.scenario) == statement]
+        there = [o for o in nothing if _stated(o.scenario) == statement]
+        yield rate_of("right, or its class", f"hidden, noise {statement}", here, right, at_least=least)
+        yield rate_of("wrong name", f"hidden, noise {statement}", here, wrong, at_most=names)
+        yield rate_of("wrong green", f"hidden, noise {statement}", here, green, at_most=greens)
+        yield rate_of("false alarm", f"nothing hidden, noise {statement}", there, alarm, at_most=alarms)
+        yield rate_of("not decided", f"hidden, noise {statement}", here, undecided)
+        yield rate_of("not decided", f"nothing hidden, noise {statement}", there, undecided)
+        yield rate_of("something is missing, not what", f"hidden, noise {statement}", here, _outside)
+
+
 def _coverage(sound: Sequence[MovingOutcome]) -> Iterator[Rate]:
     """Of the hidden effect's size where it is named; of the bench's own values where nothing is hidden."""
     name = "95 % interval covers the truth"
@@ -135,14 +144,13 @@ def _by_noise(hidden: Sequence[MovingOutcome], nothing: Sequence[MovingOutcome])
     for colour in COLOURS:
         for statement in ("unstated", "stated", "wrongly stated"):
             of = f"{colour} noise, {statement}"
-            here = [o for o in hidden if _belongs(o.scenario, colour, statement)]
-            there = [o for o in nothing if _belongs(o.scenario, colour, statement)]
+            here = [o for o in hidden if (o.scenario.colour, _stated(o.scenario)) == (colour, statement)]
+            there = [o for o in nothing if (o.scenario.colour, _stated(o.scenario)) == (colour, statement)]
             yield from _answers(here, there, of)
 
 
-def _belongs(trial: MovingTrial, colour: str, statement: str) -> bool:
-    stated = trial.statement if trial.statement in ("unstated", "stated") else "wrongly stated"
-    return trial.colour == colour and stated == statement
+def _stated(trial: MovingTrial) -> str:
+    return trial.statement if trial.statement in ("unstated", "stated") else "wrongly stated"
 
 
 def _parted(
