@@ -153,7 +153,8 @@ def compare(
     if output is not None:
         from rigctl.report.analysis import comparison_sections, history_sections
 
-        last = history_sections(model[-1], versions) if models[-1].path is not None else []
+        path = models[-1].path
+        last = [] if path is None else history_sections(path, versions)
         write_page(opened, output, [*comparison_sections(comparison), *last], force=force)
     if as_json:
         rival_documents = {"rivals": [one.document() for one in rivals]} if rivals else {}
