@@ -18,6 +18,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem, make_problem
+from rigctl.model.fit.switching import MOST_SEPARATE
 from rigctl.model.measured.assumed import assumed_when_opened
 from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.hold_out import chosen, held_out
@@ -25,6 +26,7 @@ from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_mode
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.measured.standing import (
+    at_floor,
     floor_alone,
     white_noise,
     with_standing,
@@ -40,6 +42,8 @@ _MOVES = 3.0
 #: correlation of neighbouring readings beyond which a weight may be wrong, and ratio of two errors of one
 #: model from which it was
 _CORRELATED, _WORSE = 0.3, 1.1
+#: an error below this many times the white floor is as small as an error can be
+_AT_FLOOR = 1.4
 #: readings that differ from an input by less than this share of its range are a copy of it
 _EQUAL = 1e-6
 
@@ -230,7 +234,8 @@ def fit_problem(
     # 2. spikes in its residuals;
     # 3. what is known of the noise, now that the model says where the bench rests;
     # 4. how the noise depends on the level;
-    # 5. where only the white floor is known, what the model leaves is the scale of its errors.
+    # 5. where only the white floor is known, what the model leaves is the scale of its errors;
+    # 6. if uncertain times of many switches may be what it leaves: with each of them as an unknown.
     if not refit:
         fitted = problem.model.fitted
         problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
@@ -249,7 +254,42 @@ def fit_problem(
                 result, first = again(result, noise), None
     if first is not None:  # the slow noise was real
         result = again(result, noise)
-    return _no_worse_than_least_squares(result, noise, again) if refit else result
+    if not refit:
+        return result
+    if not local:
+        result = _with_separate_switches(result, noise, again, on_progress)
+    return _no_worse_than_least_squares(result, noise_in(result), again)
+
+
+def _with_separate_switches(
+    fitted: FitResult,
+    noise: DataNoise,
+    again: Callable[[FitResult, DataNoise], FitResult],
+    on_progress: OnProgress,
+) -> FitResult:
+    """The fit, or one with an unknown for each of up to a hundred switches, if that leaves only the floor."""
+    before = fitted.problem
+    channels = [one for one in noise.model.channels if one.own_scale]
+    if before.scatter is None or all(fitted.errors[c.name].rmse < _AT_FLOOR * c.floor for c in channels):
+        return fitted
+    measurements = before.measurements
+    if any(record.rough_switches.size > MOST_SEPARATE for record in measurements.records):
+        return fitted
+    on_progress(f"Fitting {before.model.name} with the time of every switch")
+    records = tuple(replace(record, separate_switches=True) for record in measurements.records)
+    floor = at_floor(noise)
+    problem = make_problem(
+        before.model, replace(measurements, records=records), floor.model, floor.ok, grown=floor.grown
+    )
+    names = {one.name: value for one, value in zip(before.shared, fitted.values, strict=True)}
+    shared = [one for one in problem.shared if one.name in names]
+    problem = problem.with_shared(started(shared, np.array([names[one.name] for one in shared])))
+    with suppress(RigctlError):  # it cannot be simulated with such times: they stay part of the noise
+        result = fit(problem, fitted.held_out)
+        if all(result.errors[one.name].rmse < _AT_FLOOR * one.floor for one in channels):
+            left = _left(result, floor)
+            return result if left is None else again(result, left)
+    return fitted
 
 
 def _spikes_off(fitted: FitResult, noise: DataNoise) -> DataNoise | None:

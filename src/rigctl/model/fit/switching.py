@@ -6,10 +6,11 @@ switch of a kind in a campaign: the command acted at the preceding sample, betwe
 with which it is recorded (−½, 0, ½; up to 3/2 if commands are recorded a sample early). Kinds are switches to
 a larger value, to a smaller one and to 0: switches on by a host, for example, and off by a board's clock. d
 is each switch's own. Both have the variance of a uniform distribution over the interval as their prior, and
-both have exact derivatives: see `rigctl.engine.excitation.Excitation.shifts`. A record with hundreds of
-switches has one d for all of them, and the rest of each is part of the noise, to first order. Where a time
-constant is as short as the sampling interval that is a poor approximation, so up to a hundred are unknowns:
-they are eliminated record by record and cost little more than the simulation does.
+both have exact derivatives: see `rigctl.engine.excitation.Excitation.shifts`. A record with many switches has
+one d for all of them, and the rest of each is part of the noise, to first order. Where a time constant is as
+short as the sampling interval that is a poor approximation: if with up to a hundred unknowns the error falls
+to the white floor of the noise, they are unknowns (`MeasuredRecord.separate_switches`), which costs a
+simulation several times as much.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ Floats = NDArray[np.float64]
 HABITS = tuple(qualified(RECORD, name) for name in SWITCHING)
 #: common shift of all switches of one record, s
 ALL = qualified(RECORD, "switches")
-#: largest number of switches with an unknown each
-MOST_SWITCHES = 100
+#: largest number of switches with an unknown each, always and if the data ask for it
+_MOST_SWITCHES, MOST_SEPARATE = 6, 100
 
 #: largest number of a record's switches whose times scatter as part of the noise
 _MOST_SCATTERED = 60
@@ -65,9 +66,13 @@ def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
     indices = record.rough_switches
     if not indices.size:
         return []
-    if indices.size > MOST_SWITCHES:
+    if indices.size > _most(record):
         return [_moved_by(ALL, float(np.median(record.switch_half[indices])))]
     return [_moved_by(switch_name(int(k)), float(record.switch_half[k])) for k in indices]
+
+
+def _most(record: MeasuredRecord) -> int:
+    return MOST_SEPARATE if record.separate_switches else _MOST_SWITCHES
 
 
 def _moved_by(name: str, half: float) -> Unknown:
@@ -96,7 +101,7 @@ def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
     If there are very many, those whose commands change most.
     """
     indices = record.rough_switches
-    if indices.size <= MOST_SWITCHES:
+    if indices.size <= _most(record):
         return (), np.empty(0)
     width = np.ptp(record.inputs, axis=0)
     jumps = np.abs(np.diff(record.inputs, axis=0)) / np.where(width > 0.0, width, 1.0)

@@ -43,6 +43,7 @@ class MeasuredRecord:
     along: the indices of the inputs that change continuously; `inputs` holds their middle.
     knots, lines: (k) times and (k, along) values between which they are linear.
     unrecorded: for inputs that were not recorded, the lowest and the highest value, SI; 0 in `inputs`.
+    separate_switches: the time of each switch that is not exact is an unknown, even if there are many.
     """
 
     run: str
@@ -63,6 +64,7 @@ class MeasuredRecord:
     knots: Floats = field(default_factory=lambda: np.empty(0), repr=False)
     lines: Floats = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     unrecorded: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    separate_switches: bool = False
 
     @cached_property
     def ramps(self) -> Ramps | None:

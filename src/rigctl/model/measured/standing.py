@@ -129,6 +129,15 @@ def floor_alone(noise: DataNoise, names: Sequence[str], because: str) -> DataNoi
     return _with_channels(noise, channels)
 
 
+def at_floor(noise: DataNoise) -> DataNoise:
+    """The noise with the floor itself as the scale of the channels of which only the floor is known."""
+    channels = [
+        replace(channel, sigma=channel.floor, together=1.0) if channel.own_scale else channel
+        for channel in noise.model.channels
+    ]
+    return _with_channels(noise, channels) or noise
+
+
 def with_what_is_left(
     noise: DataNoise,
     measurements: Measurements,
