@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -21,6 +21,7 @@ from rigctl.model.fit.problem import Problem, make_problem
 from rigctl.model.fit.switching import MOST_SEPARATE
 from rigctl.model.measured.assumed import assumed_when_opened
 from rigctl.model.measured.conditions import variable_units
+from rigctl.model.measured.copies import copies_in, copy_notes
 from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
@@ -97,16 +98,47 @@ def read_runs(
     measurements = read_measurements(model, runs)
     _require_own_readings(measurements)
     _require_moving_readings(measurements)
-    noise = noise_of(measurements)
     units = variable_units(measurements)
+    # by the records' numbers, which those that repeat another one have too
+    selected = chosen(measurements, only, units)
+    held = {selected[at] for at in held_out(measurements.only(selected), hold_out, units, only)}
+    measurements, kept = _each_once(measurements, selected, held)
+    noise = noise_of(measurements)
     choice = Choice(hold_out or "", only or "", assumed_when_opened(runs))
+    indices = [at for at, index in enumerate(kept) if index in set(selected)]
     if only:
-        indices = chosen(measurements, only, units)
-        others = sorted(set(range(len(measurements.records))) - set(indices))
+        others = sorted(set(range(len(kept))) - set(indices))
         rest = (measurements.only(others), noise.only(others)) if others else None
         choice = replace(choice, rest=rest)
         measurements, noise = measurements.only(indices), noise.only(indices)
-    return Data(measurements, noise, held_out(measurements, hold_out, units, only), choice)
+    unseen = tuple(at for at, index in enumerate(indices) if kept[index] in held)
+    return Data(measurements, noise, unseen, choice)
+
+
+def _each_once(
+    measurements: Measurements, selected: Sequence[int], held: Collection[int]
+) -> tuple[Measurements, list[int]]:
+    """Return the measurements without records that repeat another one, and the indices of the others.
+
+    Of copies, the one that is fitted is kept: what a fit has seen must not judge it.
+
+    Raises
+    ------
+    RigctlError
+        each of the records that are held out is a copy of one that is not.
+    """
+    records = measurements.records
+    order = [*(index for index in selected if index not in held), *selected]
+    copies = copies_in(measurements, order)
+    kept = [index for index in range(len(records)) if index not in copies]
+    remarks = tuple(copy_notes(records, copies, held))
+    if held and all(index in copies for index in held):
+        raise RigctlError(
+            "nothing that is held out is unseen: each of these records repeats one that is fitted",
+            value=", ".join(records[index].label for index in sorted(held)),
+            expected=remarks[0],
+        )
+    return replace(measurements.only(kept), notes=(*remarks, *measurements.notes)), kept
 
 
 def _require_no_copies(runs: Sequence[Run]) -> None:

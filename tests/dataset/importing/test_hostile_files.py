@@ -19,7 +19,7 @@ from asammdf import MDF, Signal
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigctl.dataset.importing import Options, first_pass, foreign, import_file
+from rigctl.dataset.importing import Options, first_pass, foreign, import_file, read_table
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 
@@ -59,6 +59,26 @@ def test_text_that_is_not_a_table_is_refused(tmp_path: Path, rig: Rig, text: str
     path = tmp_path / "log.csv"
     path.write_bytes(text.encode())
     assert said in refusal(path, rig)
+
+
+@pytest.mark.parametrize("heading", ["", "time [s],position [mm]"])
+def test_a_table_of_100_000_columns_is_refused_at_once(tmp_path: Path, rig: Rig, heading: str) -> None:
+    """Each column would be examined by itself; a row of them is shorter than the longest line."""
+    path = tmp_path / "log.csv"
+    path.write_text(heading + "," * 99_999 + "\n" + "1," * 99_999 + "1\n", encoding="utf-8")
+    said = refusal(path, rig)
+    assert "the table has too many columns, got '100000 columns'" in said or "'100001 columns'" in said
+    with pytest.raises(RigctlError, match="the table has too many columns"):
+        read_table(path)
+
+
+def test_many_unknown_columns_are_one_short_message(tmp_path: Path, rig: Rig) -> None:
+    path = tmp_path / "log.csv"
+    names = ["time [s]", *(f"c{k} [degC]" for k in range(300))]
+    path.write_text("\n".join([",".join(names), ",".join(["1"] * 301)]), encoding="utf-8")
+    said = refusal(path, rig)
+    assert "300 columns are unknown: c0, c1, " in said
+    assert len(said) < 1000
 
 
 def test_a_bar_is_accepted_as_a_delimiter(tmp_path: Path, rig: Rig) -> None:

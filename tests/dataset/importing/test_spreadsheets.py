@@ -12,6 +12,7 @@ import openpyxl
 import pandas as pd
 import pytest
 
+from open_range import without_ranges
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import Options, formats, import_file, read_table
 from rigctl.errors import RigctlError
@@ -132,6 +133,42 @@ def test_a_cell_that_is_not_a_number_is_reported_with_its_place(tmp_path: Path, 
     path = saved(tmp_path / "log.xlsx", {"Log": [["time [s]", T1], [0, 20], [2, 21], [1, 22]]})
     assert "log.xlsx:4: in sheet" not in refusal(path, board)
     assert "log.xlsx:4: time: it does not increase" in refusal(path, board)
+
+
+def test_numbers_stored_as_texts_are_read_as_in_a_text_file(tmp_path: Path, board: Rig) -> None:
+    """Some programs write numbers as texts, with the signs of their language."""
+    board = without_ranges(BOARD)
+
+    def log(*cells: Any) -> Path:
+        rows = [["time [s]", T1], *([float(time), cell] for time, cell in enumerate(cells))]
+        return saved(tmp_path / "log.xlsx", {"Log": rows})
+
+    def read(path: Path, **options: Any) -> list[float]:
+        return (run_of(path, board, **options).signals("temperature_1") - 273.15).tolist()
+
+    for cells in (("20,5", "21,5", 22), ("20,5", "1.021,5", "22"), ("20,5", "---", 22.5)):
+        assert read(log(*cells))[0] == pytest.approx(20.5)
+    ambiguous = log(978, "1.011", "1.043")
+    said = "log.xlsx:3:2: temperature_1: a decimal sign, or one between thousands?, got '1.011 beside 978'"
+    assert said in refusal(ambiguous, board)
+    assert read(ambiguous, decimal=".") == pytest.approx([978.0, 1.011, 1.043])
+    assert read(ambiguous, decimal=",") == pytest.approx([978.0, 1011.0, 1043.0])
+    assert "not a number, got '1,011'" in refusal(log("978.5", "1,011", "979.5"), board)
+    assert "not a number, got '436 250'" in refusal(log("434.5", "436 250", 435), board)
+    assert read(log("434.5", "436 250", 435), decimal=".")[1] == pytest.approx(436250.0)
+    assert read(log("0.978", "1.011", 2)) == pytest.approx([0.978, 1.011, 2.0])
+    done = import_file(log("1,234", "2,500", "2,750"), board, tmp_path / "runs")
+    assert "numbers such as 1,234 are read with a decimal comma; --decimal . reads thousands" in done.notes
+
+
+def test_the_row_of_the_heading_may_be_stated(tmp_path: Path, board: Rig) -> None:
+    rows = [["oven", "log", "June"], ["Zeit", "Ofen", None], ["s", "degC", None], [0, 20, 1], [1, 21, 2]]
+    path = saved(tmp_path / "log.xlsx", {"Log": rows})
+    columns = {"Zeit": "time", "Ofen": "temperature_1", "3": "-"}
+    assert run_of(path, board, heading=2, columns=columns).signals("time").tolist() == [0.0, 1.0]
+    path = saved(tmp_path / "log.xlsx", {"Log": rows[3:]})
+    columns = {"1": "time [s]", "2": "temperature_1 [degC]", "3": "-"}
+    assert run_of(path, board, heading=0, columns=columns).signals("time").tolist() == [0.0, 1.0]
 
 
 def test_damaged_and_empty_spreadsheets_are_refused(

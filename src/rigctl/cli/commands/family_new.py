@@ -90,6 +90,9 @@ def new(
     encoding: Annotated[str | None, typer.Option(help="As for 'rigctl import'.")] = None,
     delimiter: Annotated[str | None, typer.Option(metavar="SIGN", help="As for 'rigctl import'.")] = None,
     decimal: Annotated[str | None, typer.Option(metavar="SIGN", help="As for 'rigctl import'.")] = None,
+    heading: Annotated[
+        int | None, typer.Option(metavar="LINE", min=0, help="As for 'rigctl import'.")
+    ] = None,
     fit: Annotated[
         bool, typer.Option("--fit/--no-fit", help="Fit the draft to the data once, and plot both.")
     ] = True,
@@ -130,7 +133,7 @@ def new(
             "delimiter": delimiter,
             "decimal": decimal,
         }
-        options = Options(missing=tuple(missing or ()), **checked_choices(choices))
+        options = Options(missing=tuple(missing or ()), heading=heading, **checked_choices(choices))
         stated = StatedRoles(inputs or (), outputs or (), leave or (), commanded or (), measured or ())
         units = read_assignments(unit or (), "--unit")
         table = with_roles(read_columns(find_file(csv), units, options), stated)
@@ -172,7 +175,7 @@ def _written(root: Path, proposal: Proposal) -> Iterator[list[Path]]:
     try:
         _check(root, proposal)
         yield written
-    except RigctlError:
+    except BaseException:
         for path in written:
             path.unlink()
         for folder in folders:
@@ -250,6 +253,7 @@ def import_options(table: Table) -> str:
         "encoding": options.encoding,
         "delimiter": options.delimiter,
         "decimal": options.decimal,
+        "heading": None if options.heading is None else str(options.heading),
     }
     written = "".join(f" --{key} {_quoted(text)}" for key, text in chosen.items() if text is not None)
     return written + "".join(f" --missing {_quoted(mark)}" for mark in options.missing)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
@@ -40,6 +41,8 @@ _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
     "pressure_b": ("channel", "Pa"),
     "position": ("channel", "m"),
 }
+#: unknown columns that are named
+_LISTED: Final = 20
 _UNKNOWN: Final = "unknown column"
 #: name of the times of a channel with its own clock: ``time of temperature_2 [s]``
 CLOCK: Final = "time of "
@@ -169,6 +172,7 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, assigned: Mapping
     A likely name is spelt similarly, or is the bench's only remaining name with the column's dimension.
     """
     free = [name for name in _names(rig) if name not in assigned]
+    units = Counter(error.unit for error in errors if error.unit)
     for error in errors:
         name, unit = error.value or "", error.unit
         fitting = [known for known in free if unit is None or _fits(known, unit, rig)]
@@ -176,8 +180,8 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, assigned: Mapping
         if near is None and rig is not None:  # without a rig, any name would be a guess
             near = nearest_name(name, fitting)
         if near is None and unit is not None and rig is not None:
-            rivals = [other for other in errors if other.unit and _alike(other.unit, unit)]
-            near = fitting[0] if len(fitting) == len(rivals) == 1 else None
+            rivals = sum(count for other, count in units.items() if _alike(other, unit))
+            near = fitting[0] if len(fitting) == rivals == 1 else None
         if near in free:
             free.remove(near)
         error.nearest = near
@@ -221,7 +225,8 @@ def _alike(one: str, other: str) -> bool:
 
 def _several_unknown(errors: Sequence[UnknownColumn], rig: Rig | None, *, samples: bool) -> RigctlError:
     """Make the error for several unknown columns: their names, and how to map them."""
-    names = [f"{one.value} ({one.nearest}?)" if one.nearest else f"{one.value}" for one in errors]
+    names = [f"{one.value} ({one.nearest}?)" if one.nearest else f"{one.value}" for one in errors[:_LISTED]]
+    names += ["\N{HORIZONTAL ELLIPSIS}"] if len(errors) > _LISTED else []
     near = [_with_unit(one.nearest, one.unit, rig) if one.nearest else LEAVE_OUT for one in errors[:4]]
     if not samples and not any(name.startswith("time") for name in near):
         near[0] = "time [s]"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 from rigctl.dataset.importing.csv_rows import Cells, read_rows, split_rows, with_times
 from rigctl.dataset.importing.dialect import SAMPLE_ROWS, Dialect, find_dialect
 from rigctl.dataset.importing.missing_values import NO_VALUE
-from rigctl.dataset.importing.numbers import Thousands
+from rigctl.dataset.importing.numbers import Thousands, ambiguous_sign
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading, Labels, Part
 from rigctl.dataset.importing.text import HEAD, Lines, TextForm, find_form, not_text, opened
@@ -84,7 +84,7 @@ class CsvFile:
         except RigctlError as problem:
             raise problem.at(Location(self.path, problem.where.line)) from None
 
-    def cell_texts(self, indices: Sequence[int]) -> Iterator[tuple[list[list[str]], Sequence[int]]]:
+    def cell_texts(self, indices: Sequence[int]) -> Iterator[tuple[dict[int, list[str]], Sequence[int]]]:
         """Yield the cells of some columns as texts, part by part, with their lines."""
         with opened(self.path) as file:
             lines = Lines(self.path, file, self.form)
@@ -92,7 +92,7 @@ class CsvFile:
             for line, piece in lines.pieces():
                 rows = list(split_rows(self._decoded(piece, line), line, self.cells.delimiter))
                 wide = [(at, cells) for at, cells in rows if len(cells) > max(indices, default=0)]
-                columns = [[cells[index].strip() for _, cells in wide] for index in indices]
+                columns = {index: [cells[index].strip() for _, cells in wide] for index in indices}
                 yield columns, [at for at, _ in wide]
 
     def _decoded(self, piece: bytes, line: int) -> str:
@@ -228,7 +228,8 @@ def _decimal_sign_is_clear(file: CsvFile, dialect: Dialect, options: Options, *,
     used = [index for index, one in enumerate(file.headings) if options.ours(one.name) != "-"]
     check = Thousands(dialect.decimal)
     for row in dialect.sample:
-        check.take([[row.cells[index].strip()] for index in used if index < len(row.cells)], [row.line])
+        cells = {index: [row.cells[index].strip()] for index in used if index < len(row.cells)}
+        check.take(cells, [row.line])
     if not check.settled and not (complete and len(dialect.sample) < SAMPLE_ROWS):
         check = Thousands(dialect.decimal)
         for cells, lines in file.cell_texts(used):
@@ -238,15 +239,9 @@ def _decimal_sign_is_clear(file: CsvFile, dialect: Dialect, options: Options, *,
                 break
     found = check.ambiguous()
     if found is not None:
-        column, line, cell, whole = found
-        heading, sign = file.headings[used[column]], dialect.decimal
-        raise RigctlError(
-            f"{heading.name}: a decimal sign, or one between thousands?",
-            value=f"{cell} beside {whole}",
-            expected=f"--decimal '{sign}' ({cell.replace(sign, '.')}), or --decimal "
-            f"'{',' if sign == '.' else '.'}' ({cell.replace(sign, '')})",
-            where=Location(file.path, line),
-        )
+        index, line, cell, whole = found
+        name = file.headings[index].name
+        raise ambiguous_sign(name, cell, whole, dialect.decimal, Location(file.path, line))
     return everything or check.settled
 
 

@@ -22,9 +22,9 @@ from rigctl.dataset.importing.layouts import (
     unit_row,
 )
 from rigctl.dataset.importing.missing_values import is_comment
-from rigctl.dataset.importing.numbers import find_decimal, read_number
+from rigctl.dataset.importing.numbers import comma_remark, find_decimal, read_number
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import Heading
+from rigctl.dataset.importing.table import Heading, require_few_columns
 from rigctl.errors import Location, RigctlError
 
 #: possible delimiters, the least likely to occur in a cell first
@@ -104,6 +104,7 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
             where=Location(path),
         )
     delimiter, rows, index = best
+    require_few_columns(path, max(len(row.cells) for row in rows), rows[index].line)
     remarks: list[str] = []
     try:
         layout = _layout(text, delimiter, rows, index, options.heading)
@@ -127,7 +128,7 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
     decimal, doubtful = (options.decimal, False) if options.decimal else find_decimal(numbers)
     if doubtful:
         shown = next((cell for cell in numbers if "," in cell), "1,5")
-        remarks.append(f"numbers such as {shown} are read with a decimal comma; --decimal . reads thousands")
+        remarks.append(comma_remark(shown))
     repeats = frozenset(
         stripped(row.cells) for row in rows[:start] if len(row.filled) > 1 and not is_data(row)
     )

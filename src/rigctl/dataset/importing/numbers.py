@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from rigctl.dataset.importing.missing_values import NO_VALUE
+from rigctl.errors import Location, RigctlError
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 #: thousands in groups of three with a decimal sign, which is unambiguous
@@ -43,9 +44,9 @@ class Thousands:
         self._wholes: dict[int, str] = {}
         self._long: set[int] = set()
 
-    def take(self, columns: Sequence[Sequence[str]], lines: Sequence[int]) -> None:
+    def take(self, columns: Mapping[int, Sequence[str]], lines: Sequence[int]) -> None:
         """Look at the cells of some rows, column by column."""
-        for index, cells in enumerate(columns):
+        for index, cells in columns.items():
             for line, cell in zip(lines, cells, strict=False):
                 if self._sign not in cell:
                     if _WHOLE.fullmatch(cell):
@@ -70,6 +71,28 @@ class Thousands:
             if index in self._wholes and index not in self._long:
                 return index, line, cell, self._wholes[index]
         return None
+
+
+def ambiguous_sign(name: str, cell: str, whole: str, sign: str, where: Location) -> RigctlError:
+    """Return the refusal of a column with a number whose sign may be the decimal one or separate thousands.
+
+    Parameters
+    ----------
+    name, cell, whole, where: of the column, its number, a whole number of it, and the place of the first.
+    """
+    other = "," if sign == "." else "."
+    return RigctlError(
+        f"{name}: a decimal sign, or one between thousands?",
+        value=f"{cell} beside {whole}",
+        expected=f"--decimal '{sign}' ({cell.replace(sign, '.')}), or --decimal '{other}' "
+        f"({cell.replace(sign, '')})",
+        where=where,
+    )
+
+
+def comma_remark(cell: str) -> str:
+    """Return the remark on numbers such as ``1,234``, which might be whole."""
+    return f"numbers such as {cell} are read with a decimal comma; --decimal . reads thousands"
 
 
 def find_decimal(cells: Sequence[str]) -> tuple[str, bool]:

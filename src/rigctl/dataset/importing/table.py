@@ -21,6 +21,8 @@ _LISTED: Final = 20
 NOT_INCREASING: Final = "time: it does not increase within a record"
 #: message on a value before the time of the previous value of its channel
 GOES_BACK: Final = "time: it goes back within a channel"
+#: columns of a table: more of them are cells that were not separated as the file meant, or no table at all
+MOST_COLUMNS: Final = 2000
 #: rows of a part: many for speed, but few enough for files of any length
 PART_ROWS: Final = 1 << 17
 
@@ -159,6 +161,24 @@ def labels_of_texts(texts: Sequence[str]) -> Labels:
     indices: dict[str, int] = {}
     codes = np.array([indices.setdefault(text, len(indices)) for text in texts], dtype=np.int64)
     return Labels(codes, tuple(indices))
+
+
+def require_few_columns(path: Path, count: int, line: int | None) -> None:
+    """Refuse a text file or a sheet with more columns than any log has: each is examined by itself.
+
+    Raises
+    ------
+    RigctlError
+        there are too many.
+    """
+    if count > MOST_COLUMNS:
+        raise RigctlError(
+            "the table has too many columns",
+            value=f"{count} columns",
+            expected=f"at most {MOST_COLUMNS}, in rows of values with a name for each column",
+            hint="Exchange rows and columns if they are transposed, or divide it into several files",
+            where=Location(path, line),
+        )
 
 
 def refuse(path: Path, faults: Sequence[Fault], count: int) -> RigctlError:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -24,8 +24,15 @@ from rigctl.dataset.importing.groups import (
 from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
 from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
-from rigctl.dataset.importing.numbers import read_number
+from rigctl.dataset.importing.numbers import (
+    Thousands,
+    ambiguous_sign,
+    comma_remark,
+    find_decimal,
+    read_number,
+)
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.table import require_few_columns
 from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.dataset.importing.xlsx_times import read_times
 from rigctl.errors import Location, RigctlError
@@ -66,7 +73,7 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
 
     with clear_errors(path, "XLSX"), path.open("rb") as raw:
         book = load_workbook(raw, read_only=True, data_only=True, keep_links=False)
-        sheets = [_read(sheet) for sheet in book.worksheets]
+        sheets = [_read(sheet, options.heading) for sheet in book.worksheets]
     tables = [sheet for sheet in sheets if sheet is not None]
     if not tables:
         raise RigctlError(
@@ -74,16 +81,26 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
             expected="a row of names with units, such as 'time [s]', and numbers below",
             where=Location(path),
         )
-    groups = [_group(path, sheet, options, alone=len(tables) == 1) for sheet in tables]
+    for sheet in tables:
+        require_few_columns(path, len(sheet.names), sheet.first)
+    remarks = [remark for sheet in tables for remark in _unnamed(sheet)]
+    groups = [_group(path, sheet, options, remarks, alone=len(tables) == 1) for sheet in tables]
     file = open_groups(path, lambda: nullcontext(groups), options, noun="sheet")
-    return replace(file, remarks=(*file.remarks, *(remark for sheet in tables for remark in _unnamed(sheet))))
+    return replace(file, remarks=(*file.remarks, *remarks))
 
 
-def _read(sheet: Any) -> _Sheet | None:
-    """Return the table of a sheet; None for a sheet without one."""
+def _read(sheet: Any, stated: int | None) -> _Sheet | None:
+    """Return the table of a sheet; None for a sheet without one.
+
+    Parameters
+    ----------
+    stated: by the user, the row of the heading; 0 if there is none.
+    """
     if hasattr(sheet, "reset_dimensions"):
         sheet.reset_dimensions()  # the size stored in the file may be wrong
     rows = enumerate(sheet.iter_rows(values_only=True), start=1)
+    if stated is not None:
+        return _below_stated(sheet.title, rows, stated)
     heading: tuple[int, Sequence[Any]] | None = None
     units: Sequence[Any] = ()
     above: dict[int, Any] = {}
@@ -103,6 +120,24 @@ def _read(sheet: Any) -> _Sheet | None:
             return _Sheet(sheet.title, names, number, below)
         if number > _HEAD:
             return None
+    return None
+
+
+def _below_stated(title: str, rows: Iterator[tuple[int, Sequence[Any]]], stated: int) -> _Sheet | None:
+    """Return the table below the stated heading; columns without a name have their number."""
+    heading = next((cells for number, cells in rows if number == stated), ()) if stated else ()
+    units: Sequence[Any] = ()
+    for number, cells in rows:
+        filled = [cell for cell in cells if not _blank(cell)]
+        if not filled:
+            continue
+        texts = [cell for cell in filled if isinstance(cell, str)]
+        if not units and len(texts) == len(filled) and stated == number - 1 > 0 and _are_units(texts):
+            units = cells
+            continue
+        below = _below([cells, *(cells for _, cells in rows)])
+        numbers = {at: str(at + 1) for at in range(max(map(len, below))) if _filled(below, at)}
+        return _Sheet(title, _names({**numbers, **_named(heading)}, units), number, below)
     return None
 
 
@@ -154,12 +189,13 @@ def _below(rows: list[Sequence[Any]]) -> list[Sequence[Any]]:
     return rows
 
 
-def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group:
+def _group(path: Path, sheet: _Sheet, options: Options, remarks: list[str], *, alone: bool) -> Group:
     import numpy as np
 
     columns: dict[int, Column] = {}
     options = with_time_column(sheet.names.values(), options)
     ours = {index: options.ours(name) for index, (name, _) in sheet.names.items()}
+    numbers = _NumberTexts.of(sheet, [index for index in ours if ours[index] != "-"], options)
     day = next((index for index, name in ours.items() if name == "date"), None)
     unread = _reader(np.full(len(sheet.rows), "", dtype=object))
     for index in sorted(sheet.names, key=lambda index: ours[index] != "time"):  # which decides on the date
@@ -178,10 +214,66 @@ def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group
                     columns[day] = Column(*sheet.names[day], unread, spent=True)
                 continue
         if index not in columns:
-            values, own_unit = _values(path, sheet, index, name, cells, options)
+            own = None if ours[index] == "record" else numbers
+            values, own_unit = _values(path, sheet, index, name, cells, options, own)
             columns[index] = Column(name, own_unit or unit, _reader(values))
+    numbers.refuse_ambiguous(path, sheet)
+    remarks += numbers.doubt()
     ordered = tuple(columns[index] for index in sheet.names)
     return Group("" if alone else sheet.name, len(sheet.rows), ordered, sheet.first)
+
+
+@dataclass
+class _NumberTexts:
+    """The numbers on a sheet that are stored as texts, read as in a text file.
+
+    Parameters
+    ----------
+    decimal: their decimal sign; `stated` if the user has said so.
+    """
+
+    decimal: str
+    marks: frozenset[str]
+    stated: bool
+    doubtful: str = ""  #: a text such as ``1,234``, if there are only such ones
+    seen: list[int] = field(default_factory=list)  #: indices of the columns with such a text
+
+    @classmethod
+    def of(cls, sheet: _Sheet, used: Sequence[int], options: Options) -> _NumberTexts:
+        texts = [cell.strip() for at in used for cell in sheet.column(at) if isinstance(cell, str)]
+        marks = frozenset((*NO_VALUE, *options.missing))
+        if options.decimal is not None:
+            return cls(options.decimal, marks, stated=True)
+        decimal, doubtful = find_decimal(texts)
+        shown = next((text for text in texts if "," in text), "") if doubtful else ""
+        return cls(decimal, marks, stated=False, doubtful=shown)
+
+    def read(self, cell: str, *, fractions: bool = False) -> float | None:
+        """Return the number in a text; see `read_number`."""
+        return read_number(cell.strip(), self.decimal, self.marks, stated=self.stated, fractions=fractions)
+
+    def have_fractions(self, index: int, cells: Sequence[Any]) -> bool:
+        """Note that the texts of a column are read; return whether one of them has a decimal sign."""
+        self.seen.append(index)
+        return any(isinstance(cell, str) and self.decimal in cell and self.read(cell) for cell in cells)
+
+    def doubt(self) -> list[str]:
+        """Return the remark on numbers that might be read otherwise."""
+        return [comma_remark(self.doubtful)] if self.doubtful and self.seen else []
+
+    def refuse_ambiguous(self, path: Path, sheet: _Sheet) -> None:
+        """Refuse ``1.011`` beside 978, where no text of the sheet shows what the point means."""
+        check = Thousands(self.decimal)
+        for index in self.seen:
+            for number, cell in enumerate(sheet.column(index), start=sheet.first):
+                whole = isinstance(cell, int | float) and abs(cell) < 1000  # with no separator in a text
+                text = str(int(cell)) if whole else cell.strip() if isinstance(cell, str) else ""
+                check.take({index: [text]}, [number])
+        found = None if self.stated else check.ambiguous()
+        if found is not None:
+            index, row, cell, whole_number = found
+            where = Location(path, row, index + 1)
+            raise ambiguous_sign(sheet.names[index][0], cell, whole_number, self.decimal, where)
 
 
 def _reader(values: NDArray[Any]) -> Callable[[int, int], NDArray[Any]]:
@@ -189,9 +281,19 @@ def _reader(values: NDArray[Any]) -> Callable[[int, int], NDArray[Any]]:
 
 
 def _values(
-    path: Path, sheet: _Sheet, index: int, name: str, cells: Sequence[Any], options: Options
+    path: Path,
+    sheet: _Sheet,
+    index: int,
+    name: str,
+    cells: Sequence[Any],
+    options: Options,
+    number_texts: _NumberTexts | None,
 ) -> tuple[NDArray[Any], str | None]:
     """Return a column as numbers, time stamps or texts, with its unit if the cells give it.
+
+    Parameters
+    ----------
+    number_texts: reads numbers stored as texts; None if texts are names.
 
     Raises
     ------
@@ -207,11 +309,13 @@ def _values(
     if present and all(isinstance(cell, date) for cell in present):
         stamps = np.array([_stamp(cell) for cell in cells], dtype="datetime64[ns]")
         return LocalTime(options.zone).to_utc(stamps), "s"
-    texts = sum(isinstance(cell, str) for cell in present)
-    if 2 * texts > len(present):
+    texts = [cell for cell in present if isinstance(cell, str)]
+    names = [cell for cell in texts if number_texts is None or number_texts.read(cell) is None]
+    if 2 * len(names) > len(present):
         return np.array(["" if cell is None else str(cell) for cell in cells], dtype=object), None
     spans = any(isinstance(cell, time | timedelta) for cell in present)
-    numbers = list(_numbers(path, sheet, index, name, cells, marks))
+    read = number_texts or _NumberTexts.of(sheet, [index], options)
+    numbers = list(_numbers(path, sheet, index, name, cells, read))
     return np.array(numbers, dtype=np.float64), "s" if spans else None
 
 
@@ -223,8 +327,9 @@ def _stamp(cell: Any) -> Any:
 
 
 def _numbers(
-    path: Path, sheet: _Sheet, index: int, name: str, cells: Sequence[Any], marks: set[str]
+    path: Path, sheet: _Sheet, index: int, name: str, cells: Sequence[Any], texts: _NumberTexts
 ) -> Iterator[float]:
+    fractions = texts.have_fractions(index, cells)
     for number, cell in enumerate(cells):
         value: float | None = float("nan")
         if isinstance(cell, timedelta):
@@ -232,7 +337,7 @@ def _numbers(
         elif isinstance(cell, time):
             value = cell.hour * 3600.0 + cell.minute * 60.0 + cell.second + cell.microsecond / 1e6
         elif isinstance(cell, str):
-            value = read_number(cell.strip(), ".", marks)
+            value = texts.read(cell, fractions=fractions)
         elif isinstance(cell, int | float):
             value = float(cell)
         elif cell is not None:
@@ -241,7 +346,7 @@ def _numbers(
             raise RigctlError(
                 f"in sheet '{sheet.name}': {name}: not a number",
                 value=str(cell),
-                expected="a number",
+                expected=f"a number, '{texts.decimal}' being its decimal sign if it is stored as a text",
                 hint=f"--missing '{cell}' takes it as missing; --columns '{name}=-' leaves the column out",
                 where=Location(path, sheet.first + number, index + 1),
             )

@@ -1,0 +1,141 @@
+"""A record that was measured once and is there twice: fitted once, and never held out of a fit to itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import rigctl
+from rigctl.analysis.fitting import Data, read_runs
+from rigctl.dataset import Run
+from rigctl.dataset.importing import Options, formats, import_file, import_files
+from rigctl.errors import RigctlError
+from rigctl.model import Model
+from rigctl.rig import load_rig
+
+RIG = Path(__file__).parents[2] / "rigs" / "heater-board.yaml"
+MODEL = f"""
+model: heater_board
+rig: {RIG.as_posix()}
+parameters:
+  heater_gain_1: {{value: 1.33 W, fit: true}}
+"""
+TIMES = np.arange(0.0, 200.0, 5.0)
+
+
+def frame(seed: int, start: float = 0.0) -> pd.DataFrame:
+    """A log of one heater being switched on, with the noise of `seed`."""
+    rng = np.random.default_rng(seed)
+    warm = 30.0 * (1.0 - np.exp(-np.maximum(TIMES - 40.0, 0.0) / 150.0))
+    return pd.DataFrame(
+        {
+            "time [s]": start + TIMES,
+            "temperature_1 [degC]": np.round(23.0 + warm + 0.1 * rng.standard_normal(TIMES.size), 2),
+            "temperature_2 [degC]": np.round(23.0 + 0.1 * rng.standard_normal(TIMES.size), 2),
+            "heater_1 [%]": np.where(TIMES < 40.0, 0.0, 60.0),
+            "heater_2 [%]": 0.0,
+        }
+    )
+
+
+class Logs:
+    """Imports logs as runs of one project."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        (folder / "board.yaml").write_text(MODEL, encoding="utf-8")
+        self.model: Model = rigctl.load_model(folder / "board.yaml")
+
+    def run(self, *logs: pd.DataFrame, kind: str = "csv", keep_good: bool = False, **options: str) -> Run:
+        number = len(list(self.folder.iterdir()))
+        paths = [self.folder / f"log{number}-{k}.{kind}" for k in range(len(logs))]
+        for path, log in zip(paths, logs, strict=True):
+            match kind:
+                case "csv":
+                    log.to_csv(path, index=False)
+                case "xlsx":
+                    log.to_excel(path, index=False)
+                case _:
+                    log.to_parquet(path)
+        done = import_files(
+            paths, load_rig(RIG), self.folder / "runs", Options(**options), keep_good=keep_good
+        )
+        return rigctl.open_run(done.path)
+
+    def data(self, *runs: Run, hold_out: str | None = None, only: str | None = None) -> Data:
+        return read_runs(self.model, runs, hold_out=hold_out, only=only)
+
+
+@pytest.fixture
+def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Logs:
+    monkeypatch.setattr(formats, "isolated", False)
+    return Logs(tmp_path)
+
+
+def labels(data: Data) -> list[str]:
+    return [record.label for record in data.measurements.records]
+
+
+@pytest.mark.parametrize("kind", ["csv", "xlsx", "parquet"])
+def test_a_record_of_two_runs_is_fitted_once_and_not_held_out(logs: Logs, kind: str) -> None:
+    first = logs.run(frame(1), frame(2), frame(3))
+    again = logs.run(frame(2, start=500.0), frame(4), kind=kind)
+    data = logs.data(first, again, hold_out="record > 3")
+    assert labels(data) == [f"{first.id}/0", f"{first.id}/1", f"{first.id}/2", f"{again.id}/1"]
+    assert data.held_out == (3,)
+    said = f"{again.id}/0 has the same samples as {first.id}/1: it is not held out, as the fit has seen them"
+    assert said in data.measurements.notes
+    data = logs.data(first, again)
+    assert len(labels(data)) == 4
+    counted = f"{again.id}/0 has the same samples as {first.id}/1: it counts once"
+    assert counted in data.measurements.notes
+
+
+def test_the_copy_that_is_fitted_is_kept_whichever_comes_first(logs: Logs) -> None:
+    first, again = logs.run(frame(1), frame(2)), logs.run(frame(2), frame(3))
+    data = logs.data(first, again, hold_out="record <= 2")
+    assert labels(data) == [f"{first.id}/0", f"{again.id}/0", f"{again.id}/1"]
+    assert data.held_out == (0,)
+    # among the records that are selected
+    data = logs.data(first, again, only="record > 2", hold_out="record == 2")
+    assert labels(data) == [f"{again.id}/0", f"{again.id}/1"]
+    assert data.held_out == (1,)
+
+
+def test_holding_out_nothing_but_copies_is_refused(logs: Logs) -> None:
+    run = logs.run(frame(1), frame(1), keep_good=True)
+    with pytest.raises(RigctlError, match="nothing that is held out is unseen") as caught:
+        logs.data(run, hold_out="record == 1")
+    assert f"{run.id}/0 has the same samples as {run.id}/1" in str(caught.value)
+    assert len(labels(logs.data(run))) == 1
+
+
+def test_a_copy_without_one_of_the_channels_is_a_copy(logs: Logs) -> None:
+    first = logs.run(frame(1), frame(2))
+    again = logs.run(frame(2).drop(columns="temperature_2 [degC]"), frame(3))
+    assert len(labels(logs.data(first, again))) == 3
+
+
+def test_repeated_measurements_are_no_copies(logs: Logs) -> None:
+    other = frame(1)
+    other.loc[20, "temperature_1 [degC]"] += 0.01
+    data = logs.data(logs.run(frame(1), frame(2), other))
+    assert len(labels(data)) == 3
+    assert not any("same samples" in note for note in data.measurements.notes)
+
+
+def test_equal_readings_after_other_commands_are_no_copies(logs: Logs) -> None:
+    other = frame(1)
+    other["heater_2 [%]"] = 20.0
+    assert len(labels(logs.data(logs.run(frame(1)), logs.run(other)))) == 2
+
+
+def test_a_whole_run_that_was_imported_twice_is_refused(logs: Logs) -> None:
+    path = logs.folder / "log.csv"
+    frame(1).to_csv(path, index=False)
+    runs = [import_file(path, load_rig(RIG), logs.folder / "runs").path for _ in range(2)]
+    with pytest.raises(RigctlError, match="it holds the same measurements as"):
+        logs.data(*(rigctl.open_run(run) for run in runs))
