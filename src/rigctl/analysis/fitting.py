@@ -43,6 +43,8 @@ _MOVES = 3.0
 #: correlation of neighbouring readings beyond which a weight may be wrong, and ratio of two errors of one
 #: model from which it was
 _CORRELATED, _WORSE = 0.3, 1.1
+#: with more unknown switch times than this share of the readings, any error would fall to the floor
+_SHARE_OF_READINGS = 0.2
 #: an error below this many times the white floor is as small as an error can be
 _AT_FLOOR = 1.4
 #: readings that differ from an input by less than this share of its range are a copy of it
@@ -305,8 +307,10 @@ def _with_separate_switches(
     if before.scatter is None or all(fitted.errors[c.name].rmse < _AT_FLOOR * c.floor for c in channels):
         return fitted
     measurements = before.measurements
-    if any(record.rough_switches.size > MOST_SEPARATE for record in measurements.records):
-        return fitted
+    for record, good in zip(measurements.records, before.ok, strict=True):
+        count = record.rough_switches.size
+        if count > MOST_SEPARATE or count > _SHARE_OF_READINGS * good.sum():
+            return fitted
     on_progress(f"Fitting {before.model.name} with the time of every switch")
     records = tuple(replace(record, separate_switches=True) for record in measurements.records)
     floor = at_floor(noise)
