@@ -161,7 +161,24 @@ def _not_white(fit: FitResult, found: Mapping[str, Correlations]) -> list[Channe
         if channel.name in fit.errors
         and (channel.own_scale or channel.standing == "guess")
         and not (channel.own_scale and white_at_floor(fit, channel, found.get(channel.name)))
+        and not _within_noise_of_inputs(fit, channel)
     ]
+
+
+def _within_noise_of_inputs(fit: FitResult, channel: ChannelNoise) -> bool:
+    """Whether the errors of a channel are no larger than its floor and what measured inputs' noise adds.
+
+    An input is smoothed, so that the part of its noise that remains is slow, and moves the outputs.
+    """
+    problem = fit.problem
+    if problem.extra is None or not channel.floor:
+        return False
+    index = [one.name for one in problem.noise.channels].index(channel.name)
+    added = float(np.sqrt(np.mean([problem.extra[k][index] ** 2 for k in fit.fitted])))
+    error = fit.errors[channel.name]
+    scatter = math.sqrt(2.0 * channel.together / max(error.count, 1))
+    known = math.hypot(channel.floor, added)
+    return added > 0.0 and (error.rmse / known) ** 2 < 1.0 + QUANTILE * scatter
 
 
 def within_statement(fit: FitResult, channel: ChannelNoise) -> bool:

@@ -403,7 +403,7 @@ def _steady_windows(measurements: Measurements) -> list[list[tuple[int, int]]]:
             [
                 (first, last)
                 for first, last in window_pieces(record.phase.astype(np.intp))
-                if all(np.ptp(course[first:last]) <= _STEADY * span for course, span in courses)
+                if all(_constant(course[first:last], _STEADY * span) for course, span in courses)
                 and _no_switch(record, first, last)
             ]
         )
@@ -442,13 +442,26 @@ def _longest(mask: NDArray[np.bool_]) -> int:
     return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
+def _constant(course: Floats, most: float) -> bool:
+    """Whether a measured input neither moves along its trend nor departs from it by more than `most`, SI.
+
+    Its noise is not motion, so that the range of the trend counts, and the mean square about it.
+    """
+    return float(np.ptp(_trend(course))) <= most and _off_trend(course) <= most
+
+
+def _trend(values: Floats) -> Floats:
+    """The polynomial that a window's trend is, at the readings that are there; empty if there are too few."""
+    good = np.isfinite(values)
+    if good.sum() <= TREND_ORDER + 1:
+        return np.zeros(1)
+    x = np.linspace(-1.0, 1.0, values.size)[good]
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(x, TREND_ORDER))[0]
+    return np.asarray(basis @ (basis.T @ values[good]))
+
+
 def _off_trend(values: Floats) -> float:
     """Root mean square of values about the polynomial that a window's trend is."""
     good = np.isfinite(values)
-    if good.sum() <= TREND_ORDER + 1:
-        return 0.0
-    x = np.linspace(-1.0, 1.0, values.size)[good]
-    basis = np.linalg.qr(np.polynomial.legendre.legvander(x, TREND_ORDER))[0]
-    away = values[good] - values[good].mean()
-    away = away - basis @ (basis.T @ away)
-    return float(np.sqrt(np.mean(away**2)))
+    trend = _trend(values)
+    return float(np.sqrt(np.mean((values[good] - trend) ** 2))) if trend.size == good.sum() else 0.0
