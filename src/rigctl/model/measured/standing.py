@@ -30,6 +30,7 @@ from rigctl.model.measured.noise import DataNoise, noise_records, stated_noise
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.noise import (
     ChannelNoise,
+    NoiseModel,
     NoiseRecord,
     channel_statement,
     correlation_time,
@@ -131,11 +132,21 @@ def floor_alone(noise: DataNoise, names: Sequence[str], because: str) -> DataNoi
 
 def at_floor(noise: DataNoise) -> DataNoise:
     """The noise with the floor itself as the scale of the channels of which only the floor is known."""
+    return replace(noise, model=noise_at_level(noise.model))
+
+
+def noise_at_level(noise: NoiseModel) -> NoiseModel:
+    """The noise of readings not yet taken, where so far what a model leaves is the scale: floor or statement.
+
+    A right model would leave no more than that.
+    """
     channels = [
-        replace(channel, sigma=channel.floor, together=1.0) if channel.own_scale else channel
-        for channel in noise.model.channels
+        replace(channel, sigma=channel.allowed or channel.floor, together=1.0)
+        if channel.own_scale
+        else channel
+        for channel in noise.channels
     ]
-    return _with_channels(noise, channels) or noise
+    return replace(noise, channels=tuple(channels))
 
 
 def with_what_is_left(
