@@ -127,8 +127,8 @@ def test_a_record_too_fast_for_the_device_is_refused_before_the_run_starts(tmp_p
         for call in calls
     )
     message = "50 Hz is more than the device can be asked for: 10 Hz"
-    assert checked.returncode == 0
-    assert message in checked.stdout
+    assert checked.returncode == 2
+    assert message in checked.stderr
     assert simulated.returncode == 0
     assert refused.returncode == 2
     assert "fast.yaml:4:" in refused.stderr

@@ -194,10 +194,10 @@ def test_a_second_host_on_the_port_is_refused_and_switches_nothing(
 
 def test_a_wrong_baud_rate_is_reported_and_nothing_moves(project: Path, emulation: Emulation) -> None:
     text = (project / "bench.yaml").read_text(encoding="utf-8")
-    (project / "bench.yaml").write_text(text.replace("baud: 115200", "baud: 9600"), encoding="utf-8")
+    (project / "bench.yaml").write_text(text.replace("baud: 115200", "baud: 57600"), encoding="utf-8")
     code, _, err = rigctl(project, "run", "heating.yaml", "--port", "ttyRIG")
     assert code == ExitCode.FAILED
-    assert "nobody answers at 9600 baud; is it the port, its speed" in err
+    assert "nobody answers at 57600 baud; is it the port, its speed" in err
     assert emulation.board.outputs == (False, False, False)
 
 

@@ -84,4 +84,4 @@ def test_a_record_that_a_device_is_too_slow_for_is_refused_before_anything_moves
     said = "4 Hz is more than the device can deliver: a sample takes 0.6 s, which allows 1.7 Hz"
     assert f"record 'up' at 4 Hz: {said}" in str(done.result.reason)
     assert "running" not in done.states
-    assert done.commands("heater_1") == []
+    assert {value for _, value in done.commands("heater_1")} <= {0.0}  # the safe state of every ending
