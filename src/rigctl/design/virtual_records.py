@@ -15,7 +15,6 @@ from rigctl.engine.trajectories import Trajectories
 from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.unknowns import LocalUnknown, local_unknowns, start_values
 from rigctl.model.measured.record import MeasuredRecord, Measurements
-from rigctl.model.measured.standing import noise_at_level
 from rigctl.model.plant import initial_state
 from rigctl.noise.whitening import Whitener, whiten
 
@@ -139,7 +138,7 @@ def predict(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[
     expected = [replace(records[k], values=first.measured(courses.outputs[k])) for k in good]
     if not expected:
         return [None] * len(records)
-    noise = noise_at_level(rivals[0].fit.problem.noise)
+    noise = rivals[0].fit.problem.noise
     masks = [np.ones(one.values.shape, dtype=bool) for one in expected]
     sigma = [noise.sigma_at(one.values, one.times) for one in expected]
     whiteners = [
