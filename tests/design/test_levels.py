@@ -78,6 +78,7 @@ def test_an_adequate_model_needs_no_design_if_no_effect_of_usual_size_could_be_m
 
 def test_the_misfit_of_an_unfitted_effect_does_not_count_as_overdispersion() -> None:
     """At its usual size it misses these data by far; the noise is still that of the model without it."""
+    told("simulate", *STEPS, "--seed", "6")  # without radiation, whichever tests ran before
     run = open_run("latest")
     (compared,) = compare([run], [load_model(MODEL)]).models
     trial = at_usual_size(compared, "radiation")
