@@ -36,6 +36,16 @@ def test_a_right_model_with_white_errors_is_adequate(tmp_path: Path) -> None:
     assert channel["nrmse"] == pytest.approx(1.0, abs=0.1)
 
 
+def test_switch_times_are_no_separate_unknowns_of_a_record_with_hardly_more_readings(tmp_path: Path) -> None:
+    """A hundred times for a hundred readings fit anything; a wrong effect was named for what they left."""
+    project(tmp_path, white, cubic=0.6)
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(log.read_text(encoding="utf-8").splitlines()[:100]), encoding="utf-8")
+    found = diagnosed(tmp_path)
+    assert not found.before.fit.problem.records[0].separate_switches
+    assert found.before.fit.errors["position"].rmse > 2.0 * WHITE
+
+
 def test_slow_noise_that_nobody_states_is_not_decided(tmp_path: Path) -> None:
     project(tmp_path, slow)
     found = diagnosed(tmp_path)

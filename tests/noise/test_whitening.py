@@ -47,6 +47,24 @@ def test_whitening_equals_the_inverse_cholesky_factor_of_the_covariance(
     assert whitener.log_determinant == pytest.approx(2.0 * np.log(np.diag(factor)).sum(), rel=1e-8, abs=1e-7)
 
 
+def test_scatter_in_errors_is_the_mean_of_a_joint_normal_distribution_given_them() -> None:
+    """Of ``e = C·a + n``, a ~ N(0, 1), by the covariance of all readings: ``C·Cᵀ·(C·Cᵀ + N)⁻¹·e``."""
+    rng = np.random.default_rng(4)
+    times, noise = 0.01 * np.arange(30), model((2.0, 0.6, 0.3))
+    columns = rng.standard_normal((30, 1, 3)) * [5.0, 1.0, 0.2]
+    errors = columns @ [1.0, -1.0, 0.5] + 2.0 * rng.standard_normal((30, 1))
+    ok = rng.random((30, 1)) < 0.8
+    errors[~ok] = np.nan
+    kept = ok[:, 0]
+    scatter = columns[kept, 0] @ columns[kept, 0].T
+    given = np.linalg.solve(scatter + noise.channels[0].covariance(times[kept], 0.01), errors[kept, 0])
+    whitener = whiten(noise, times, ok)
+    for one in (whitener, whitener.with_scatter(columns)):
+        found = one.scatter_in(errors, columns)
+        assert found[kept, 0] == pytest.approx(scatter @ given)
+        assert np.isfinite(found).all()
+
+
 def test_rows_are_ordered_by_channel_and_indexed_by_sample() -> None:
     noise = model((1.0, 0.5, 0.0), (2.0, 0.0, 0.0))
     ok = np.array([[True, True], [False, True], [True, False]])

@@ -175,25 +175,28 @@ def _within_noise_of_inputs(fit: FitResult, channel: ChannelNoise) -> bool:
         return False
     index = [one.name for one in problem.noise.channels].index(channel.name)
     added = float(np.sqrt(np.mean([problem.extra[k][index] ** 2 for k in fit.fitted])))
-    error = fit.errors[channel.name]
-    scatter = math.sqrt(2.0 * channel.together / max(error.count, 1))
-    known = math.hypot(channel.floor, added)
-    return added > 0.0 and (error.rmse / known) ** 2 < 1.0 + QUANTILE * scatter
+    return added > 0.0 and _no_larger(fit, channel, math.hypot(channel.floor, added))
 
 
 def within_statement(fit: FitResult, channel: ChannelNoise) -> bool:
-    """Whether the errors of a channel are no larger, and no faster, than the noise that the rig file states.
+    """Whether a channel's errors are no larger, and no faster, than the noise that the rig file states."""
+    error = fit.errors[channel.name]
+    if not channel.allowed or (_moves(fit, channel) and not error.r2 > LEAST_EXPLAINED):
+        return False
+    if not _no_larger(fit, channel, channel.allowed):
+        return False
+    slow = channel.together * fit.problem.noise.spacing
+    return not channel.over or slow >= _FAST * channel.over
+
+
+def _no_larger(fit: FitResult, channel: ChannelNoise, level: float) -> bool:
+    """Whether the errors of a channel are no larger than a noise with the standard deviation `level`, SI.
 
     Their mean square over n/τ independent readings scatters by ``√(2τ/n)`` of itself.
     """
     error = fit.errors[channel.name]
-    if not channel.allowed or (_moves(fit, channel) and not error.r2 > LEAST_EXPLAINED):
-        return False
     scatter = math.sqrt(2.0 * channel.together / max(error.count, 1))
-    if (error.rmse / channel.allowed) ** 2 > 1.0 + QUANTILE * scatter:
-        return False
-    slow = channel.together * fit.problem.noise.spacing
-    return not channel.over or slow >= _FAST * channel.over
+    return (error.rmse / level) ** 2 <= 1.0 + QUANTILE * scatter
 
 
 def white_at_floor(fit: FitResult, channel: ChannelNoise, found: Correlations | None) -> bool:

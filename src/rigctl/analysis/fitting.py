@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.comparison_result import Choice
 from rigctl.dataset.copies import without_copies
 from rigctl.dataset.run import Run
-from rigctl.engine.least_squares import Iteration, Refused, started
+from rigctl.engine.least_squares import Iteration, Refused, Unknown, started
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
@@ -107,7 +107,8 @@ def read_runs(
     measurements, kept = _each_once(measurements, selected, held)
     noise = noise_of(measurements)
     choice = Choice(hold_out or "", only or "", assumed_when_opened(runs))
-    indices = [at for at, index in enumerate(kept) if index in set(selected)]
+    used = set(selected)
+    indices = [at for at, index in enumerate(kept) if index in used]
     if only:
         others = sorted(set(range(len(kept))) - set(indices))
         rest = (measurements.only(others), noise.only(others)) if others else None
@@ -317,9 +318,8 @@ def _with_separate_switches(
     problem = make_problem(
         before.model, replace(measurements, records=records), floor.model, floor.ok, grown=floor.grown
     )
-    names = {one.name: value for one, value in zip(before.shared, fitted.values, strict=True)}
-    shared = [one for one in problem.shared if one.name in names]
-    problem = problem.with_shared(started(shared, np.array([names[one.name] for one in shared])))
+    free = {one.name for one in before.shared}
+    problem = _started_at(problem, fitted, [one for one in problem.shared if one.name in free])
     with suppress(RigctlError):  # it cannot be simulated with such times: they stay part of the noise
         result = fit(problem, fitted.held_out)
         if all(result.errors[one.name].rmse < _AT_FLOOR * one.floor for one in channels):
@@ -425,13 +425,17 @@ def fit_in_noise(
 ) -> FitResult:
     """The fit repeated with another noise of the same data, starting where it ended."""
     problem = before.problem
-    initial = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
     again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
     shared = [one for one in again.shared if refit or one.name not in problem.model.fitted]
-    again = again.with_shared(
-        started(shared, np.array([initial.get(unknown.name, unknown.start) for unknown in shared]))
-    )
+    again = _started_at(again, before, shared)
     return fit(again, before.held_out, refit=bool(again.shared), local=before.local, progress=iterated)
+
+
+def _started_at(problem: Problem, before: FitResult, shared: Sequence[Unknown]) -> Problem:
+    """The problem with these shared unknowns, which start where those of a fit have ended."""
+    ended = {one.name: value for one, value in zip(before.problem.shared, before.values, strict=True)}
+    starts = np.array([ended.get(one.name, one.start) for one in shared])
+    return problem.with_shared(started(shared, starts))
 
 
 def require_free_parameters(model: Model) -> None:

@@ -28,8 +28,8 @@ from rigctl.model.load import load_model
 from rigctl.model.model import Model
 from rigctl.model.validity import Departure, departures
 
-#: sizes at which an added effect starts, as shares of its typical one, until the model has a value there
-_SHARES = (1.0, 0.1, 0.01, 0.001)
+#: smaller sizes at which an added effect starts, as shares of its typical one, until the model has a value
+_SHARES = (0.1, 0.01, 0.001)
 
 
 @dataclass(frozen=True)
@@ -157,13 +157,16 @@ def _fit_changed(before: FitResult, changed: Model, wanted: Wanted, on_progress:
     A diagnosis starts an effect at the size that the residuals suggest. A typical size of the family may be
     far beyond what this bench can have: a damping that stops it, a spring that throws it out of its range.
     """
-    *larger, smallest = _SHARES if wanted.kind == "add" and wanted.fit else (1.0,)
-    for share in larger:
+    try:
+        return fit_again(before, changed, refit=wanted.fit, on_progress=on_progress)
+    except NoValueAtStart:
+        if wanted.kind != "add" or not wanted.fit:
+            raise
+    *smaller, smallest = (_weakened(changed, wanted.effect, share) for share in _SHARES)
+    for start in smaller:
         with suppress(NoValueAtStart):
-            start = changed if share == 1.0 else _weakened(changed, wanted.effect, share)
-            return fit_again(before, start, refit=wanted.fit, on_progress=on_progress)
-    start = changed if smallest == 1.0 else _weakened(changed, wanted.effect, smallest)
-    return fit_again(before, start, refit=wanted.fit, on_progress=on_progress)
+            return fit_again(before, start, on_progress=on_progress)
+    return fit_again(before, smallest, on_progress=on_progress)
 
 
 def _weakened(model: Model, name: str, share: float) -> Model:

@@ -35,7 +35,7 @@ from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.slopes import base_at
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
-from rigctl.model.fit.switching import switch_name
+from rigctl.model.fit.switching import MOST_SWITCHES, switch_name
 from rigctl.model.measured.record import MeasuredRecord
 
 Floats = NDArray[np.float64]
@@ -47,8 +47,6 @@ _WIDTHS = tuple(SHAPE_TOLERANCE * 2.0**k for k in range(4))
 _RANK = 1e-9
 #: largest relative difference between an effect's signature and the sum of its switches' in a record
 _SAME = 0.02
-#: largest number of switches in a record whose delays may differ
-_MOST_SWITCHES = 6
 #: half-width above which the time of a switch counts as unknown, s
 _LEAST_HALF = 3e-4
 
@@ -67,7 +65,7 @@ def switch_columns(fit: FitResult, problem: Problem) -> tuple[list[str], list[Fl
     inner = problem.only(fit.fitted)
     count = max((record.switch_times.size for record in inner.records), default=0)
     delayed = any(one.delay is not None for one in inner.model.family.inputs)
-    if not delayed or not 1 < count <= _MOST_SWITCHES:
+    if not delayed or not 1 < count <= MOST_SWITCHES:
         return [], []
     at = inner.with_shared((), base_at(inner, fit))
     records = tuple(replace(one, switch_half=_rough(one)) for one in at.records)
@@ -158,7 +156,7 @@ def column_name(effect: str, record: int, part: int = 0) -> str:
 def _records_of(lin: Linearisation, effect: str) -> dict[str, int]:
     """The columns of one effect among the shapes, and the record of each."""
     known = set(lin.shapes)
-    parts = range(_MOST_SWITCHES)
+    parts = range(MOST_SWITCHES)
     every = {column_name(effect, k, part): k for k in range(len(lin.records)) for part in parts}
     return {name: k for name, k in every.items() if name in known}
 

@@ -72,9 +72,9 @@ def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
     rest = max(_TIMES * longest, _SAMPLES) * spacing
     stated = ", ".join(channels)
     coarse = [one.name for one in fit.problem.noise.channels if one.name in channels and _from_steps(one)]
-    finer = f"read {' and '.join(coarse)} in finer steps: with a smaller range, or a converter with more bits"
+    finer = "in finer steps: with a smaller range, or a converter with more bits"
     return (
-        *([finer] if coarse else []),
+        *([f"read {' and '.join(coarse)} {finer}"] if coarse else []),
         f"record {show(_rounded(rest), 's')} with every input constant, after the bench has come to rest, at "
         "the same sampling rate: it shows the slow part of the noise",
         "repeat one record with the same commands: what differs between the two is noise",

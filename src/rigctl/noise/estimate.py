@@ -221,13 +221,13 @@ def floor_of(
     periods between switches are too short for a plateau, differences across switches are taken, unless those
     within periods are clearly smaller.
     """
-    within, across = (
-        white_floor(list(_pieces(records, ok, channel, spacing, cut=cut)), coarse=coarse)
-        for cut in (True, False)
-    )
+    within = white_floor(list(_pieces(records, ok, channel, spacing, cut=True)), coarse=coarse)
+    if within is not None and within.measured:
+        return within
+    across = white_floor(list(_pieces(records, ok, channel, spacing, cut=False)), coarse=coarse)
     if within is None or len(within.orders) < LEAST_ORDERS or across is None:
         return across
-    return within if within.measured or within.sigma < _LESS * across.sigma else across
+    return within if within.sigma < _LESS * across.sigma else across
 
 
 def _pieces(

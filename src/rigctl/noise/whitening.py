@@ -95,7 +95,8 @@ class Whitener:
     def scatter_in(self, errors: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, channels) the part of errors (n, channels) that is most likely scatter, ``Σ â_k·columns_k``.
 
-        ``â = (1 + DᵀD)⁻¹·Dᵀ·W·e``, D the whitened columns: the mean of a_k ~ N(0, 1) given the errors.
+        ``â = (1 + DᵀD)⁻¹·Dᵀ·W·e``, D the whitened columns: the mean of a_k ~ N(0, 1) given the errors. Values
+        at samples left out, including NaN, do not matter.
         """
         alone = replace(self, _scatter=None)
         white = alone(columns)

@@ -101,10 +101,9 @@ class FitResult:
         if problem.scatter is None:
             return self.outputs
         return tuple(
-            output
-            - whitener.scatter_in(np.where(good, output - np.where(good, record.values, 0.0), 0.0), columns)
-            for output, whitener, columns, record, good in zip(
-                self.outputs, problem.whiteners, problem.scatter, problem.records, problem.ok, strict=True
+            output - whitener.scatter_in(output - record.values, columns)
+            for output, whitener, columns, record in zip(
+                self.outputs, problem.whiteners, problem.scatter, problem.records, strict=True
             )
         )
 

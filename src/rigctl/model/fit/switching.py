@@ -33,7 +33,7 @@ HABITS = tuple(qualified(RECORD, name) for name in SWITCHING)
 #: common shift of all switches of one record, s
 ALL = qualified(RECORD, "switches")
 #: largest number of switches with an unknown each, always and if the data ask for it
-_MOST_SWITCHES, MOST_SEPARATE = 6, 100
+MOST_SWITCHES, MOST_SEPARATE = 6, 100
 
 #: largest number of a record's switches whose times scatter as part of the noise
 _MOST_SCATTERED = 60
@@ -72,7 +72,7 @@ def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
 
 
 def _most(record: MeasuredRecord) -> int:
-    return MOST_SEPARATE if record.separate_switches else _MOST_SWITCHES
+    return MOST_SEPARATE if record.separate_switches else MOST_SWITCHES
 
 
 def _moved_by(name: str, half: float) -> Unknown:

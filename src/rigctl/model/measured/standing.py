@@ -30,7 +30,6 @@ from rigctl.model.measured.noise import DataNoise, noise_records, stated_noise
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.noise import (
     ChannelNoise,
-    NoiseModel,
     NoiseRecord,
     channel_statement,
     correlation_time,
@@ -131,22 +130,14 @@ def floor_alone(noise: DataNoise, names: Sequence[str], because: str) -> DataNoi
 
 
 def at_floor(noise: DataNoise) -> DataNoise:
-    """The noise with the floor itself as the scale of the channels of which only the floor is known."""
-    return replace(noise, model=noise_at_level(noise.model))
-
-
-def noise_at_level(noise: NoiseModel) -> NoiseModel:
-    """The noise of readings not yet taken, where so far what a model leaves is the scale: floor or statement.
-
-    A right model would leave no more than that.
-    """
+    """The noise as it is before any model is fitted: the floor, or what the rig file states, is the scale."""
     channels = [
         replace(channel, sigma=channel.allowed or channel.floor, together=1.0)
         if channel.own_scale
         else channel
-        for channel in noise.channels
+        for channel in noise.model.channels
     ]
-    return replace(noise, channels=tuple(channels))
+    return replace(noise, model=replace(noise.model, channels=tuple(channels)))
 
 
 def with_what_is_left(
@@ -458,21 +449,25 @@ def _constant(course: Floats, most: float) -> bool:
 
     Its noise is not motion, so that the range of the trend counts, and the mean square about it.
     """
-    return float(np.ptp(_trend(course))) <= most and _off_trend(course) <= most
-
-
-def _trend(values: Floats) -> Floats:
-    """The polynomial that a window's trend is, at the readings that are there; empty if there are too few."""
-    good = np.isfinite(values)
-    if good.sum() <= TREND_ORDER + 1:
-        return np.zeros(1)
-    x = np.linspace(-1.0, 1.0, values.size)[good]
-    basis = np.linalg.qr(np.polynomial.legendre.legvander(x, TREND_ORDER))[0]
-    return np.asarray(basis @ (basis.T @ values[good]))
+    trend, departures = _divided(course)
+    return float(np.ptp(trend)) <= most and _rms(departures) <= most
 
 
 def _off_trend(values: Floats) -> float:
     """Root mean square of values about the polynomial that a window's trend is."""
+    return _rms(_divided(values)[1])
+
+
+def _divided(values: Floats) -> tuple[Floats, Floats]:
+    """A window's trend, a polynomial, and the departures from it; both 0 if too few readings are there."""
     good = np.isfinite(values)
-    trend = _trend(values)
-    return float(np.sqrt(np.mean((values[good] - trend) ** 2))) if trend.size == good.sum() else 0.0
+    if good.sum() <= TREND_ORDER + 1:
+        return np.zeros(1), np.zeros(1)
+    x = np.linspace(-1.0, 1.0, values.size)[good]
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(x, TREND_ORDER))[0]
+    trend = basis @ (basis.T @ values[good])
+    return trend, values[good] - trend
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
