@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from commands import answer, told
+from rigctl.analysis.comparison import compare
 from rigctl.analysis.diagnosis import diagnose
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
@@ -41,9 +42,14 @@ def test_switch_times_are_no_separate_unknowns_of_a_record_with_hardly_more_read
     project(tmp_path, white, cubic=0.6)
     log = tmp_path / "log.csv"
     log.write_text("\n".join(log.read_text(encoding="utf-8").splitlines()[:100]), encoding="utf-8")
-    found = diagnosed(tmp_path)
-    assert not found.before.fit.problem.records[0].separate_switches
-    assert found.before.fit.errors["position"].rmse > 2.0 * WHITE
+    imported = import_file(log, load_rig(tmp_path / "rigs/swing.yaml"), tmp_path / "runs")
+    told_of: list[str] = []
+    model = load_model(tmp_path / "models/swing.yaml")
+    (compared,) = compare([open_run(imported.path)], [model], on_progress=told_of.append).models
+    assert compared.fit.problem.records[0].rough_switches.size > 90
+    assert compared.fit.errors["position"].rmse > 2.0 * WHITE
+    assert "Fitting swing" in told_of
+    assert not any("time of every switch" in one for one in told_of)
 
 
 def test_slow_noise_that_nobody_states_is_not_decided(tmp_path: Path) -> None:
