@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
-from rigctl.backends.errors import OutputsNotSafe
+from rigctl.backends.errors import BackendLost, OutputsNotSafe
 from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.transport.safe_commands import Duty, Outputs
 from rigctl.clock import VirtualClock
@@ -109,6 +110,51 @@ def test_a_state_that_follows_its_command_late_is_waited_for() -> None:
     board.port.read = reading  # type: ignore[method-assign]
     board.bench.safe()
     assert board.clock.now() < late + 0.5
+
+
+def exchange(board: Board, after: bytes) -> Sketch:
+    """Put another board, which is off, on the line once a command has been answered; return it."""
+    mine, neighbour = board.sketch.take, Sketch(board.clock.now)
+    neighbour.always["VER"] = b"TCLab Firmware 1.4.0 of the neighbour\r\n"
+    there = [mine]
+
+    def taking(data: bytes) -> bytes:
+        answer = there[-1](data)
+        if after in data:
+            there.append(neighbour.take)
+        return answer
+
+    board.sketch.take = taking  # type: ignore[method-assign]
+    return neighbour
+
+
+def test_the_states_of_another_device_confirm_nothing() -> None:
+    """It takes the place of one that only acknowledges, between the last command and the query."""
+    board = Board()
+    board.heat()
+    board.lie()
+    neighbour = exchange(board, after=b"Q2 0.00")
+    with pytest.raises(OutputsNotSafe, match="another device answers than before") as told:
+        board.bench.safe()
+    assert told.value.outputs == {"heater_1": pytest.approx(0.6)}
+    assert board.duty.outputs is Outputs.DRIVEN, "its guard goes on"
+    assert set(neighbour.received) == {"R1", "R2", "VER"}, "no command"
+
+
+def test_an_off_that_another_device_carried_out_is_taken_back_when_it_is_found_out() -> None:
+    board = Board()
+    board.heat()
+    board.bench.next_sample(2.0)
+    exchange(board, after=b"R1")
+    board.sketch.take(b"R1\n")
+    board.bench.command("heater_1", 0.0)
+    for _ in range(6):
+        with suppress(BackendLost):
+            board.bench.next_sample(2.0)
+    with pytest.raises(OutputsNotSafe) as told:
+        board.bench.safe()
+    assert told.value.outputs == {"heater_1": pytest.approx(0.6)}
+    assert board.sketch.heaters == (60.0, 0.0), "the witness"
 
 
 CONFIRM = '    confirm: {send: "P1", reply: "0,{_}"}\n'

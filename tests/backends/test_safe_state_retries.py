@@ -79,6 +79,24 @@ def test_a_guard_stops_trying_when_its_notice_is_removed(folder: Path) -> None:
     assert line.attempts == 996, "the attempt that found it gone was the last"
 
 
+def test_a_device_exchanged_after_its_commands_is_not_taken_for_safe(folder: Path) -> None:
+    """Another one answers to the second of the identity queries, and to the last one its own does again."""
+    line, asked = Line(0), 0
+    identify = SafeOrder(b"VER\n", ("TCLab Firmware {firmware}",))
+    opened, take = line.open, line.sketch.take
+
+    def taking(data: bytes) -> bytes:
+        nonlocal asked
+        asked += data.count(b"VER")
+        return b"TCLab Firmware 2.0\r\n" if b"VER" in data and asked == 2 else take(data)
+
+    line.sketch.take = taking  # type: ignore[method-assign]
+    orders = Orders(ADDRESS, SAFE, 2.0, identify=identify, identity={"firmware": "1.4.0 Arduino Uno"})
+    assert SafeStateRetries(orders, line.clock, opened, lambda: False).carry_out(None)
+    assert line.attempts == -2, "the port was opened again"
+    assert (asked, line.sketch.received.count("X")) == (4, 2)
+
+
 def leave(folder: Path, **fields: object) -> None:
     now = time.time()
     notice = {

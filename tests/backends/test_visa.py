@@ -55,6 +55,35 @@ def test_a_late_answer_is_not_taken_as_the_answer_to_a_later_query() -> None:
         client.close()
 
 
+@pytest.mark.parametrize("same", [True, False])
+def test_an_instrument_is_identified_before_anything_is_sent_on_a_new_connection(same: bool) -> None:
+    """A missing answer costs the socket; behind its address there may be another instrument by then."""
+    with ScpiServer(RIG) as server:
+        client = VisaClient(server.port, settings(server, timeout=60.0))
+        assert str(client.answer("*IDN?")).startswith("ACME,")
+        server.delay, client._instrument.timeout = 600.0, 200
+        assert client.answer("ROUT:CLOS? (@201)") is None
+        server.delay = 0.0
+        while server.answered != len(server.received):
+            time.sleep(0.01)
+        client._instrument.timeout = PATIENCE
+        before, answered = len(server.received), server._answer
+        if not same:
+            server._answer = lambda part: (  # type: ignore[method-assign]
+                "ACME,34980,OTHER,2.1" if part == "*IDN?" else answered(part)
+            )
+        if same:
+            assert client.answer("ROUT:CLOS (@201);*OPC?") == "1"
+            assert client.answer("*OPC?") == "1"
+            assert server.received[before:] == ["*IDN?", "ROUT:CLOS (@201);*OPC?", "*OPC?"]
+        else:
+            for _ in range(2):  # and it remains another one
+                with pytest.raises(PortLost, match="another instrument answers: ACME,34980,OTHER"):
+                    client.answer("ROUT:CLOS (@201);*OPC?")
+            assert server.received[before:] == ["*IDN?", "*IDN?"]
+        client.close()
+
+
 def _talkative(listening: socket.socket, said: Semaphore) -> None:
     """An instrument that sends a greeting, and an unsolicited error after its second answer."""
     with suppress(OSError):

@@ -67,7 +67,7 @@ def test_a_step_test_runs_on_the_board_and_records_its_steps(board: Served, tmp_
     assert float(up["heater_2"].iloc[-1]) == 30.0
     assert up["time"].diff().dropna().median() == pytest.approx(0.5, abs=0.05)
     assert "Q2 30.00" in board.sketch.received
-    assert board.sketch.received[-5:] == ["X", "Q1 0.00", "Q2 0.00", "R1", "R2"]
+    assert board.sketch.received[-6:] == ["X", "Q1 0.00", "Q2 0.00", "R1", "R2", "VER"]
     assert board.sketch.heaters == (0.0, 0.0)
 
 

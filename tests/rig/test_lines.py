@@ -115,4 +115,13 @@ def test_an_output_that_nothing_reads_back_is_a_warning() -> None:
     rig = load_rig(shipped("rigs", "tclab-board.yaml"))
     assert not any("reads" in text for text in rig.warnings(date(2026, 10, 1)))
     blind = parse_rig(rig.text.replace('      - {send: R2, reply: "{heater_2}", every: 1 s}\n', ""))
-    assert any("nothing reads heater_2 back" in text for text in blind.warnings(date(2026, 10, 1)))
+    said = list(blind.warnings(date(2026, 10, 1)))
+    assert any("nothing reads heater_2 back" in text for text in said)
+    assert any("the device only acknowledges commands to heater_2" in text for text in said)
+    assert not any("neither reports" in text for text in said)
+    setting = 'heater_2: {send: "Q2 {value:.2f}", reply: "{value}"}'
+    assert setting in blind.text
+    silent = parse_rig(blind.text.replace(setting, 'heater_2: {send: "Q2 {value:.2f}"}'))
+    said = list(silent.warnings(date(2026, 10, 1)))
+    assert any("the device neither reports heater_2 nor answers their commands" in text for text in said)
+    assert not any("only acknowledges" in text for text in said)

@@ -331,11 +331,7 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
             f"the device has no watchdog of its own: {', '.join(driven)} would stay on if this computer "
             "dies; its guard, a process on this computer, acts when rigctl alone does"
         )
-    if unread := _unread(rig):
-        yield (
-            f"nothing reads {', '.join(unread)} back: a restart of the device, or another program's command, "
-            f"may go unnoticed; a query with '{{{unread[0]}}}' in its answer would show it"
-        )
+    yield from _read_back(rig)
 
 
 def _unread(rig: Rig) -> list[str]:
@@ -344,6 +340,30 @@ def _unread(rig: Rig) -> list[str]:
         return []
     read = {place for query in rig.lines.queries for place in query.places}
     return [name for name, part in rig.actuators.items() if part.by == "driven" and name not in read]
+
+
+def _read_back(rig: Rig) -> Iterator[str]:
+    """Warn of outputs whose safe state can only be acknowledged, and of those not even acknowledged."""
+    unread = _unread(rig)
+    if rig.lines is None or not unread:
+        return
+    asked, parts = rig.lines.confirm is not None, rig.lines.actuators
+    answered = [name for name in unread if asked or parts[name].patterns]
+    would_show = f"a query with '{{{unread[0]}}}' in its answer would show it"
+    yield (
+        f"nothing reads {', '.join(unread)} back: a restart of the device, or another program's command, "
+        f"may go unnoticed; {would_show}"
+    )
+    if answered:
+        yield (
+            f"the device only acknowledges commands to {', '.join(answered)}: at the end of a run its word "
+            "that they are off is all that rigctl has"
+        )
+    if silent := [name for name in unread if name not in answered]:
+        yield (
+            f"the device neither reports {', '.join(silent)} nor answers their commands: every run that "
+            "drives them ends as failed, with outputs not confirmed safe"
+        )
 
 
 def doubtful_calibrations(rig: Rig, today: date) -> Iterator[tuple[str, str]]:

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from rigctl.backends.errors import BackendLost, OutOfReach
+from rigctl.backends.lines.doubt import InDoubt
 from rigctl.backends.lines.error_queue import errors_in_queue
 from rigctl.backends.lines.handshake import handshake
 from rigctl.backends.lines.poll import Poll, PolledSample
@@ -21,7 +22,7 @@ from rigctl.backends.transport.conversation import Conversation, Underway, carry
 from rigctl.backends.transport.guard_port import GuardActed, GuardedPort
 from rigctl.backends.transport.port import AnotherDevice, Connect, NotConfirmed, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification
-from rigctl.backends.transport.safe_commands import Duty, Outputs
+from rigctl.backends.transport.safe_commands import Duty
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Exchange, Lines, Rig
@@ -88,7 +89,7 @@ class LineBench(PortBench[Talk]):
         self.without_host = without_host
         self._setter = Setter(rig, lines)
         self._safe_state = SafeState(rig, lines, self._setter, clock, self._guard_acted)
-        self._on: dict[str, float] = {}  # outputs not confirmed to be safe since they were commanded, SI
+        self._in_doubt = InDoubt(self._setter.safe_values, self._duty)
         self._poll = Poll(rig, lines, clock, self._outbox)
         self._start = 0.0
         self._index = 0
@@ -122,7 +123,7 @@ class LineBench(PortBench[Talk]):
 
     @property
     def _may_be_on(self) -> Mapping[str, float]:
-        return self._on
+        return self._in_doubt.may_be_on
 
     # --- identification -----------------------------------------------------------------------------------
 
@@ -137,6 +138,7 @@ class LineBench(PortBench[Talk]):
         if known is not None and known != found:  # one such answer may be a damaged one
             found = yield from handshake(talk, self.clock, self._lines)
         if known is not None and known != found:
+            self._in_doubt.exchanged()
             raise RigctlError(
                 "another device answers than before",
                 value=", ".join(found.values()),
@@ -189,14 +191,9 @@ class LineBench(PortBench[Talk]):
     def _making_safe(self, talk: Talk, patience: float) -> Conversation[PortLost | Refused | None]:
         """Make outputs safe, and return why the device has not confirmed this; None if it has."""
         outcome = yield from self._safe_state.making(talk, patience)
-        for name in self._setter.safe_values.keys() - outcome.doubtful.keys():
-            self._on.pop(name, None)
-        self._on |= {name: value for name, value in outcome.doubtful.items() if value is not None}
+        self._in_doubt.made_safe(outcome)
         if outcome.trouble is None:
             self._note_safe()
-            self._duty.outputs = Outputs.SAFE
-        elif self._on or self._duty.outputs is not Outputs.SAFE or isinstance(outcome.trouble, Refused):
-            self._duty.outputs = Outputs.DRIVEN
         return outcome.trouble
 
     # --- commands -----------------------------------------------------------------------------------------
@@ -209,8 +206,7 @@ class LineBench(PortBench[Talk]):
         self._ends.pop(actuator, None)
         self._replace(actuator)
         if value != self._resting().get(actuator):
-            self._duty.outputs = Outputs.DRIVEN
-            self._on[actuator] = value
+            self._in_doubt.commanded(actuator, value)
         pending = self._pending(actuator, value)
         self._orders.append(_Order(pending, duration, asked_for))
         if self._job is None:
@@ -247,7 +243,7 @@ class LineBench(PortBench[Talk]):
             self._outbox.commanded[pending.actuator] = pending.value
             read, answered = self._setter.is_read(pending.actuator), pending.actuator in self.outputs_answered
             if answered and not read:  # its answer is all that there is
-                self._note_state(pending.actuator, pending.value)
+                self._in_doubt.found(pending.actuator, pending.value)
             if order.duration is not None:
                 self._ends[pending.actuator] = receipt.time + order.duration
             pending.receipt = receipt
@@ -350,20 +346,13 @@ class LineBench(PortBench[Talk]):
     def _take_changes(self, reading: PolledSample) -> None:
         """Record the states that were read, and outputs that the device has switched without a command."""
         for actuator, value in reading.states.items():
-            self._note_state(actuator, value)
+            self._in_doubt.found(actuator, value)
         for actuator, value in reading.changed.items():
             self._outbox.commanded[actuator] = value
             self._outbox.receipts.append(CommandReceipt(reading.time, actuator, value, reading.uncertainty))
             shown = self._rig.actuators[actuator].show(value)
             self._exchanged = True
             self._end(f"the device has set {actuator} to {shown} by itself")
-
-    def _note_state(self, actuator: str, value: float) -> None:
-        """Record the confirmed state of an output."""
-        if value == self._setter.safe_values.get(actuator):
-            self._on.pop(actuator, None)
-        elif actuator in self._setter.safe_values:
-            self._on[actuator] = value
 
     # --- loss of contact, and actions of the device or its guard ------------------------------------------
 
@@ -391,8 +380,10 @@ class LineBench(PortBench[Talk]):
         return [] if self._order is None else [self._order.pending]
 
     def _handle_loss(self, talk: Talk, error: PortLost) -> tuple[str, Port | None]:
-        if isinstance(error, AnotherDevice) and isinstance(talk.port, GuardedPort):
-            talk.port.exchanged()
+        if isinstance(error, AnotherDevice):
+            self._in_doubt.exchanged()
+            if isinstance(talk.port, GuardedPort):
+                talk.port.exchanged()
         talk.port.close()
         return "", None
 

@@ -1,7 +1,8 @@
 """Makes the outputs of a line-based device safe, and believes only what the device confirms.
 
 First every output is commanded, then every state that the rig file's queries contain is read back. A device
-that acknowledges a command without executing it is thus found out.
+that acknowledges a command without executing it is thus found out. Last the device is identified again: if
+another one has taken its place meanwhile, its states show nothing.
 """
 
 from __future__ import annotations
@@ -82,6 +83,7 @@ class SafeState:
                 outcome.doubt(step.actuators, error)
         if silence is None:
             yield from self._reading_back(talk, patience, outcome)
+            yield from self._identifying(talk, patience, outcome)
         return outcome
 
     def _commanding(self, talk: Talk, step: SafeCommand, patience: float) -> Conversation[None]:
@@ -131,6 +133,20 @@ class SafeState:
             for name, value in wrong.items():
                 outcome.doubt([name], self._still(query, answer, name, value))
                 outcome.doubtful[name] = value
+
+    def _identifying(self, talk: Talk, patience: float, outcome: SafeOutcome) -> Conversation[None]:
+        """Require that the device is the same as before the commands; otherwise nothing is confirmed."""
+        identify, known = self._lines.identify, talk.identity
+        if identify is None or known is None or isinstance(outcome.trouble, PortLost):
+            return
+        try:
+            yield from talk.asking(identify, tries=2, timeout=patience, fits=lambda found: found == known)
+        except AnotherDevice as error:
+            outcome.trouble = None  # that decides, whatever the states of another device are
+            outcome.doubtful.clear()
+            outcome.doubt(self._setter.safe_values, error)
+        except (PortLost, Refused) as error:
+            outcome.doubt(self._setter.safe_values.keys() - outcome.doubtful.keys(), error)
 
     def _wrong(self, answer: Answer, names: tuple[str, ...]) -> dict[str, float | None]:
         """Return the outputs that are not safe according to an answer, with their values."""

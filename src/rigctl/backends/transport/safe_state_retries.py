@@ -197,7 +197,8 @@ class SafeStateRetries:
             raise AnotherDevice(f"another device is there: {', '.join(found.values())}")
 
     def _make_safe(self, port: Port) -> None:
-        """Send all commands, even if some of them fail, and read the outputs back."""
+        """Send all commands, even if some of them fail, read the outputs back, and identify the device again,
+        since another one may have taken its place meanwhile."""
         trouble: _Mute | None = None
         for order in self._orders.safe:
             try:
@@ -212,6 +213,7 @@ class SafeStateRetries:
                 trouble = trouble or error
         if trouble is not None:
             raise trouble
+        self._require_same(port)
 
     def _confirm(self, port: Port, order: SafeOrder) -> None:
         """Query whether the device has refused a command, until it has no more errors to report."""

@@ -1,6 +1,9 @@
 """The client of a VISA instrument: each line is a message, and one with a question mark is answered.
 
 PyVISA communicates in the thread of a `ClientPort`, with pyvisa-py or an installed VISA.
+
+A socket that is connected again, because an answer was missing, may lead to another instrument: it is sent
+nothing before it has given the same answer to the identity query as the one before.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort
     """Open the port of an `Address`: a VISA resource name.
 
     Its settings are ``library`` (``@py`` for pyvisa-py, or empty for an installed VISA), ``timeout`` in s,
-    ``baud`` and ``frame`` of a serial line, and the message terminators ``send_ends`` and ``reply_ends``.
+    ``baud`` and ``frame`` of a serial line, the message terminators ``send_ends`` and ``reply_ends``, and
+    ``identify``, the identity query, or None.
     """
     return ClientPort(url, lambda: VisaClient(url, settings), clock)
 
@@ -52,9 +56,36 @@ class VisaClient:
         except self._errors as error:
             raise PortLost(f"{url}: {error}") from None
         self._instrument = self._opened()
+        self._identify: str | None = settings.get("identify")
+        self._identity: str | None = None  # its answer to that, once there is one
+        self._unknown = False  # whether the socket was connected again, and has not been identified since
 
     def answer(self, line: str) -> str | None:
-        """Return the instrument's answer to a message; None if there is none in time, or none is expected."""
+        """Return the instrument's answer to a message; None if there is none in time, or none is expected.
+
+        Raises
+        ------
+        PortLost
+            the connection is gone, or leads to another instrument, or to a silent one.
+        """
+        if self._unknown and line != self._identify:
+            self._require_same()
+        answer = self._exchange(line)
+        if line == self._identify and answer is not None:
+            self._identity = self._identity or answer
+            self._unknown = answer != self._identity
+        return answer
+
+    def _require_same(self) -> None:
+        """Identify the instrument behind a socket that was connected again."""
+        found = self.answer(self._identify or "")
+        if found is None:
+            raise PortLost(f"{self._name}: connected again, it does not identify itself")
+        if self._unknown:
+            raise PortLost(f"{self._name}: connected again, another instrument answers: {found}")
+
+    def _exchange(self, line: str) -> str | None:
+        """Send a message, and read its answer as `answer`."""
         try:
             self._discard()
             self._instrument.write(line)
@@ -185,6 +216,7 @@ class VisaClient:
         if self._is_socket:
             self._instrument.close()
             self._instrument = self._opened()
+            self._unknown = self._identity is not None
         elif self._is_serial:
             self._read_until_silent(self._instrument.timeout)
         else:

@@ -56,6 +56,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
         "frame": lines.frame,
         "send_ends": lines.send_ends,
         "reply_ends": lines.reply_ends,
+        "identify": None if lines.identify is None else lines.identify.send,
     }
     return Address("visa", port, settings)
 
