@@ -156,7 +156,7 @@ class Backend(Protocol):
 
     @property
     def outputs_read(self) -> frozenset[str]:
-        """Driven actuators whose state in the newest sample was read back from the bench."""
+        """Driven actuators whose state the bench reports, in its samples or when it was made safe."""
         ...
 
     @property

@@ -10,6 +10,7 @@ from rigctl.backends.arduino.board import Board, trip_causes
 from rigctl.backends.arduino.handshake import handshake
 from rigctl.backends.arduino.heartbeat import Heartbeat
 from rigctl.backends.arduino.line import Line
+from rigctl.backends.arduino.read_back import reading_back, still
 from rigctl.backends.arduino.receiver import Receiver
 from rigctl.backends.arduino.regulation import Regulation, cannot_regulate
 from rigctl.backends.arduino.switching import Switching
@@ -20,7 +21,7 @@ from rigctl.backends.errors import BenchTripped, OutOfReach
 from rigctl.backends.protocol import CommandReceipt, PendingCommand
 from rigctl.backends.transport.bench import PortBench
 from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
-from rigctl.backends.transport.port import Connect, NoAnswer, Port, PortLost, Refused
+from rigctl.backends.transport.port import Connect, NoAnswer, NotConfirmed, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
@@ -91,16 +92,21 @@ class ArduinoBench(PortBench[Board]):
         self._regulation = Regulation(self._translation, self._receiver, clock)
         self._orders: dict[str, _Order] = {}
         self._streaming: Underway[None] | None = None
+        self._on: Mapping[str, float] = {}  # outputs that were read as not safe, SI
 
     @property
     def outputs_read(self) -> frozenset[str]:
-        """The outputs that the board reports with each sample."""
-        return self._translation.reported
+        """All driven outputs: the board reports them when it was made safe."""
+        return driven_outputs(self._rig)
 
     @property
     def outputs_answered(self) -> frozenset[str]:
         """All driven outputs, since the board answers every command."""
         return driven_outputs(self._rig)
+
+    @property
+    def _may_be_on(self) -> Mapping[str, float]:
+        return self._on
 
     @property
     def _failure(self) -> str:
@@ -120,7 +126,10 @@ class ArduinoBench(PortBench[Board]):
                 raise RigctlError(
                     "another board answers than before", value=board.identity[name], expected=known
                 )
-        yield from self._making_safe(board)
+        try:
+            yield from self._making_safe(board)
+        except Refused as error:
+            raise NotConfirmed(str(error)) from None
         yield from board.asking("STRM 0")
         yield from board.learning_clock(8)
         board.line.forget()
@@ -163,6 +172,11 @@ class ArduinoBench(PortBench[Board]):
         yield from board.line.asking("OUTP:SAFE", _SAFE_ANSWER, _SAFE_TRIES)
         for text in self._translation.safe_texts():
             yield from board.asking(text)
+        self._on = yield from reading_back(
+            board, self._translation, self._rig, self.clock, _SAFE_ANSWER, _SAFE_TRIES
+        )
+        if self._on:
+            raise still(self._rig, self._on)
 
     def _make_safe(self, board: Board) -> None:
         carry_through(self._making_safe(board), board.line.take)

@@ -123,11 +123,10 @@ class Translation:
 
     # --- readings -----------------------------------------------------------------------------------------
 
-    @property
-    def reported(self) -> frozenset[str]:
-        """Return the actuators whose state is in every reading; for a level, only whether it is on."""
-        wired = self._wiring.outputs
-        return frozenset(wired[output] for output in ("heater", "valve") if output in wired)
+    def states(self, outputs: int, pwm: int) -> dict[str, float]:
+        """Return the SI values of the connected outputs, from their bits and the PWM's counts."""
+        counts = {"heater": outputs & 1, "valve": (outputs >> 1 & 1) - (outputs >> 2 & 1), "pressure": pwm}
+        return {name: self.value(name, counts[output]) for output, name in self._wiring.outputs.items()}
 
     def commands(self, reading: Reading, commanded: Mapping[str, float]) -> tuple[float, ...]:
         """Return the outputs at the time of the reading; a level as last set."""
