@@ -169,8 +169,8 @@ def test_between_records_a_loop_restarts_after_a_loss_of_contact(board: BoardWor
 def test_between_records_a_loop_on_the_host_continues_after_a_loss_of_contact(board: BoardWorkshop) -> None:
     done = board.run(alone("rate: 20 Hz, for: 3 s"), faults=["backend_lost@1 s..1.6 s"])
     assert done.result.status == "finished", done.result.reason
-    late = [value / BAR for time, value in done.commands("relief_valve") if time > 2.5]
-    assert late[0] == pytest.approx(30.0, abs=4.0)
+    late = [value / BAR for time, value in done.commands("relief_valve") if time > 2.75]
+    assert late[0] == pytest.approx(30.0, abs=2.0), "a second after it went on it has settled"
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,8 @@ def test_a_loop_that_cannot_be_stopped_is_reported_even_with_its_output_safe(boa
     """It may command another value a moment later."""
     text = recorded("rate: 100 Hz, where: board, for: 3 s").replace("to: 30 bar", "to: 5 bar")
     done = board.run(text, noise="off", faults=["backend_lost@1 s..60 s"])
-    assert not [value for _, value in done.commands("relief_valve") if value > 10 * BAR]
+    (*_, (_, newest)) = done.commands("relief_valve")
+    assert newest == 10 * BAR, "when contact was lost, it was safe"
     assert "relief_valve" in str(done.result.unconfirmed)
 
 

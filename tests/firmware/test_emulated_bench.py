@@ -14,7 +14,7 @@ from rigctl.backends.emulated import library
 from rigctl.backends.emulated.avr import FREQUENCY
 from rigctl.backends.emulated.board import EmulatedBoard, millivolt
 from rigctl.backends.emulated.create import create
-from rigctl.backends.errors import BackendLost, BenchTripped
+from rigctl.backends.errors import BackendLost, BenchTripped, OutputsNotSafe
 from rigctl.backends.protocol import Notice, Sample
 from rigctl.clock import VirtualClock
 from rigctl.errors import RigctlError
@@ -120,6 +120,22 @@ def test_a_host_that_reads_keeps_the_outputs_on(make_bench: Make) -> None:
     bench.start(1.0)
     bench.command("heater", 1.0).wait()
     assert read_until(bench, 20.0)[-1].commands[0] == 1.0
+
+
+def test_an_off_that_the_board_only_acknowledges_is_not_believed(make_bench: Make) -> None:
+    bench = make_bench()
+    bench.command("heater", 1.0).wait()
+    assert bench._contact is not None
+    line = bench._contact.line
+    put = line.put
+    line.put = lambda command: put("*OPC?" if command == "OUTP:SAFE" else command)  # type: ignore[method-assign]
+    with pytest.raises(OutputsNotSafe, match="heater is on, though it was commanded to be off") as told:
+        bench.safe()
+    assert told.value.outputs == {"heater": 1.0}
+    line.put = put  # type: ignore[method-assign]
+    bench.safe()
+    bench.start(10.0)
+    assert set(read_until(bench, bench.clock.now() + 0.5)[-1].commands) == {0.0}
 
 
 def test_a_trip_ends_sampling_with_its_cause_and_refuses_later_commands(make_bench: Make) -> None:
