@@ -157,6 +157,19 @@ def test_an_off_that_another_device_carried_out_is_taken_back_when_it_is_found_o
     assert board.sketch.heaters == (60.0, 0.0), "the witness"
 
 
+def test_an_acknowledged_off_is_not_believed_if_the_line_dies_before_the_query() -> None:
+    board = Board()
+    board.heat()
+    board.lie()
+    board.bench.command("heater_1", 0.0).wait()
+    take = board.sketch.take
+    board.sketch.take = lambda data: b"" if data == b"Q2 0.00\n" else take(data)  # type: ignore[method-assign]
+    with pytest.raises(OutputsNotSafe) as told:
+        board.bench.safe()
+    assert told.value.outputs == {"heater_1": pytest.approx(0.6)}
+    assert board.sketch.heaters == (60.0, 0.0), "the witness"
+
+
 CONFIRM = '    confirm: {send: "P1", reply: "0,{_}"}\n'
 
 

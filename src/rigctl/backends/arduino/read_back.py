@@ -52,8 +52,9 @@ def reading_back(
 
 def still(rig: Rig, wrong: Mapping[str, float]) -> Refused:
     """Return what to raise where outputs are not safe."""
-    name, value = next(iter(wrong.items()))
-    show = rig.actuators[name].show
-    return Refused(
-        f"{name} is {show(value)}, though it was commanded to be {show(float(rig.safe_state[name]))}"
-    )
+    found = [
+        f"{name} is {rig.actuators[name].show(value)}, though it was commanded to be "
+        f"{rig.actuators[name].show(float(rig.safe_state[name]))}"
+        for name, value in wrong.items()
+    ]
+    return Refused("; ".join(found))

@@ -84,7 +84,15 @@ class SafeState:
         if silence is None:
             yield from self._reading_back(talk, patience, outcome)
             yield from self._identifying(talk, patience, outcome)
+        else:
+            outcome.doubt(self._undecided(silence), silence)
         return outcome
+
+    def _undecided(self, silence: PortLost) -> set[str]:
+        """Return the outputs about which answers before a silence say nothing: those whose states were to be
+        read, or all if another device may have given them."""
+        another = isinstance(silence, AnotherDevice)
+        return {name for name in self._setter.safe_values if another or self._setter.is_read(name)}
 
     def _commanding(self, talk: Talk, step: SafeCommand, patience: float) -> Conversation[None]:
         """Send one command and require that the device confirms it.
