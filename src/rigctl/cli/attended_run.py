@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.dataset.pass_fail import Judgement
@@ -93,6 +94,7 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
 
     finish_display()
     test = result.test
+    stuck = _stuck(result)
     if as_json:
         folder = result.folder
         document = {
@@ -106,6 +108,7 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
             "unconfirmed": result.unconfirmed,
             "by_hand": result.by_hand,
             "warnings": [asdict(one) for one in result.warnings],
+            "stuck": stuck,
             "test": test.to_json() if test is not None else None,
         }
         echo_json(to_json(document))
@@ -115,10 +118,25 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
             echo(f"  {result.folder}")
         if test is not None and test.measures:
             _report_test(test)
+        for sentence in stuck:
+            echo(f"  note: {sentence}")
     if result.unconfirmed is not None:
         warning = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
         typer.secho(f"{warning}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     raise typer.Exit(int(result.exit_code))
+
+
+def _stuck(result: RunResult) -> list[str]:
+    """What the run's own data say of its sensors; nothing for a run without readable samples."""
+    from rigctl.dataset import open_run
+    from rigctl.dataset.stuck_channels import stuck_channels
+
+    if result.folder is None:
+        return []
+    try:
+        return stuck_channels(open_run(result.folder))
+    except RigctlError:  # how the run ended is reported even if its files are damaged
+        return []
 
 
 def _report_test(test: Judgement) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
@@ -72,7 +72,7 @@ class Survey:
     rows: number of valid rows.
     faults: of the first bad rows; `bad_rows` is the number of all.
     spans, impossible: by channel; the number of readings outside the possible range, which are no values.
-    standstills: by channel, with the label of the record: the longest of all records.
+    standstills: by channel, the stretches in which it repeats one value although it has noise.
     """
 
     records: list[RecordFacts] = field(default_factory=list)
@@ -81,7 +81,7 @@ class Survey:
     bad_rows: int = 0
     spans: dict[str, Span] = field(default_factory=dict)
     impossible: Mapping[str, int] = field(default_factory=dict)
-    standstills: dict[str, tuple[Label, Standstill]] = field(default_factory=dict)
+    standstills: Mapping[str, Sequence[Standstill]] = field(default_factory=dict)
 
 
 def survey(
@@ -94,6 +94,7 @@ def survey(
 ) -> Survey:
     """Read through a file; without `keep_good`, only until too many rows are bad."""
     result = Survey(spans={name: Span() for name in layout.channels})
+    detectors = {name: StandstillDetector() for name in layout.channels}
     open_record: _Gathered | None = None
     for part in parts:
         result.rows += len(part.block)
@@ -108,11 +109,13 @@ def survey(
                 open_record.end(result, checker)
                 open_record = None
             if stretch.record >= 0:
-                open_record = open_record or _Gathered(stretch.record, layout, conditions)
+                open_record = open_record or _Gathered(stretch.record, layout, conditions, detectors)
                 open_record.add(part.block, stretch)
     if open_record is not None:
         open_record.end(result, checker)
     result.impossible = checker.impossible
+    found = {name: detector.found() for name, detector in detectors.items()}
+    result.standstills = {name: stretches for name, stretches in found.items() if stretches}
     result.records = _alike(result.records, conditions)
     return result
 
@@ -120,7 +123,13 @@ def survey(
 class _Gathered:
     """The data collected of a record while its rows are read."""
 
-    def __init__(self, record: int, layout: Layout, conditions: Conditions) -> None:
+    def __init__(
+        self,
+        record: int,
+        layout: Layout,
+        conditions: Conditions,
+        detectors: Mapping[str, StandstillDetector],
+    ) -> None:
         self._record = record
         self._layout = layout
         self._conditions = conditions
@@ -130,7 +139,9 @@ class _Gathered:
         self._digest = hashlib.sha256()
         self._first: NDArray[np.float64] | None = None
         self._changes = False
-        self._detectors = {name: StandstillDetector() for name in layout.channels}
+        self._detectors = detectors
+        for detector in detectors.values():
+            detector.begin_record()
 
     def add(self, block: NDArray[np.float64], stretch: Stretch) -> None:
         rows = np.delete(block[stretch.start : stretch.stop], 1, axis=1)  # without the record's number
@@ -153,13 +164,7 @@ class _Gathered:
 
     def end(self, result: Survey, checker: Checker) -> None:
         """Add the record to the result."""
-        facts = self.facts(checker)
-        result.records.append(facts)
-        for name, detector in self._detectors.items():
-            found = detector.found()
-            longest = result.standstills.get(name)
-            if found is not None and (longest is None or longest[1].readings < found.readings):
-                result.standstills[name] = (facts.label, found)
+        result.records.append(self.facts(checker))
 
     def facts(self, checker: Checker) -> RecordFacts:
         values = {}

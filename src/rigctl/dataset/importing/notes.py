@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.columns import LEAVE_OUT, Assigned
@@ -13,6 +14,7 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import copies_in
 from rigctl.dataset.importing.sentinels import MARKS
 from rigctl.dataset.importing.table import Heading
+from rigctl.dataset.standstill import standstill_remark
 from rigctl.units import parse_unit, show
 
 if TYPE_CHECKING:
@@ -29,13 +31,15 @@ def notes(result: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]
     yield from impossible_notes(result, rig)
     for name, span in result.spans.items():
         yield from _channel_notes(name, span, result.rows - result.impossible.get(name, 0), layout)
-    for name, (label, still) in result.standstills.items():
-        value = show(still.value, layout.unit(name), difference=name in layout.differences)
-        where = f" in {describe_label(label)}" if len(result.records) > 1 else ""
-        yield (
-            f"{name} repeats one value exactly, {value}, from {still.begin:.6g} s to {still.end:.6g} s"
-            f"{where}, in {still.readings} readings, which its noise does not allow: was the sensor stuck?"
+    labels = [describe_label(record.label) for record in result.records]
+    for name, stretches in result.standstills.items():
+        remark = standstill_remark(
+            name,
+            stretches,
+            partial(show, unit=layout.unit(name), difference=name in layout.differences),
+            [f" in {label}" if len(labels) > 1 else "" for label in labels],
         )
+        yield f"{remark}: was the sensor stuck?"
     for copy, original in copies_in(result):
         yield f"{copy} has the same samples as {original}; count only one of them: --only 'record != …'"
     broken = [record for record in result.records if record.gap is not None]

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.dataset.gaps import find_gap
-from rigctl.dataset.standstill import find_standstill
 from rigctl.model.measured.record import MeasuredRecord
 
 
@@ -32,23 +31,6 @@ def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator
                 f"{name} never changes: the sensor may be dead, or the channel is not connected, "
                 "and its noise cannot be told"
             )
-        yield from _standstill(name, index, records)
-
-
-def _standstill(name: str, index: int, records: Sequence[MeasuredRecord]) -> Iterator[str]:
-    """The longest stretch in which a channel repeats one value exactly; rows of a table have no order."""
-    found = [
-        (record, still)
-        for record in records
-        if record.times.size > 1
-        and (still := find_standstill(record.times, record.values[:, index])) is not None
-    ]
-    if found:
-        record, still = max(found, key=lambda one: one[1].readings)
-        yield (
-            f"{name} repeats one value exactly from {still.begin:.6g} s to {still.end:.6g} s in "
-            f"{record.label}, which its noise does not allow: the sensor may have been stuck"
-        )
 
 
 def _gaps(records: Sequence[MeasuredRecord]) -> Iterator[str]:

@@ -26,6 +26,7 @@ from rigctl.model.measured.observations import observed_records, taken_inputs, t
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.rigs import rig_of
+from rigctl.model.measured.stuck import without_stuck_readings
 from rigctl.model.measured.table import as_table
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
@@ -77,11 +78,13 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     outputs = tuple(known[k] for k in present)
     if any(run.info["rows"] for run in runs):
         left_out += _unrecorded([name for name in known if name not in outputs])
+    units = tuple(_unit(model, rig, name) for name in outputs)
+    used, stuck = without_stuck_readings(steady.records, outputs, units, rig)
     measured = Measurements(
         outputs=outputs,
-        units=tuple(_unit(model, rig, name) for name in outputs),
+        units=units,
         inputs=tuple(item.name for item in model.family.inputs),
-        records=steady.records,
+        records=tuple(used),
         rig=rig,
         runs=tuple(run.id for run in runs),
         notes=(
@@ -89,6 +92,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
             *acting_notes(model, rig, grouped, acts),
             *steady.notes,
             *notes(grouped, outputs),
+            *stuck,
         ),
         input_noise=steady.noise,
     )
