@@ -46,10 +46,10 @@ SAMPLES, PERIOD, STEPS = 800, 0.1, 10
 WHITE = 0.005
 
 
-def swung(cubic: float = 0.0, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """(n) force and position: a multisine, held from sample to sample, by Runge and Kutta's method."""
+def swung(cubic: float = 0.0, seed: int = 1, held: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """(n) force and position: a multisine, held for so many samples, by Runge and Kutta's method."""
     rng = np.random.default_rng(seed)
-    t = np.arange(SAMPLES) * PERIOD
+    t = np.arange(SAMPLES) // held * held * PERIOD
     frequencies, phases = rng.uniform(0.03, 0.5, 12), rng.uniform(0.0, 2.0 * np.pi, 12)
     force = 0.5 * np.sin(2.0 * np.pi * np.outer(t, frequencies) + phases).sum(axis=1)
 
@@ -82,7 +82,11 @@ def slow(rng: np.random.Generator) -> np.ndarray:
 
 
 def project(
-    folder: Path, noise: Callable[[np.random.Generator], np.ndarray], cubic: float = 0.0, stated: str = ""
+    folder: Path,
+    noise: Callable[[np.random.Generator], np.ndarray],
+    cubic: float = 0.0,
+    stated: str = "",
+    held: int = 1,
 ) -> None:
     """A user's folder, with a log of the bench."""
     for name, text in {
@@ -93,7 +97,7 @@ def project(
     }.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
-    force, position = swung(cubic)
+    force, position = swung(cubic, held=held)
     readings = position + noise(np.random.default_rng(7))
     rows = np.column_stack([np.arange(SAMPLES) * PERIOD, force, readings])
     np.savetxt(folder / "log.csv", rows, "%.7g", ",", header="time [s],force [N],position [m]", comments="")

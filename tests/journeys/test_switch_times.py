@@ -270,3 +270,76 @@ def test_a_winding_faster_than_its_sampling_is_not_taken_for_another_effect(
     found = answer("diagnose", "latest", "--model", "models/rubbed.yaml", "--apply")
     assert [step["effects"] for step in found["steps"]] == [["coulomb_on_extra_torque"]]
     assert found["verdict"] != "outside_library"
+
+
+CARRIAGE = """
+family: carriage
+title: A carriage on a screw
+states:
+  position: {start: 0 mm, scale: 1 mm, rate: velocity}
+  velocity: {start: 0 m/s, scale: 1 mm/s, rate: (force_per_volt*voltage - viscous*velocity)/mass}
+inputs:
+  voltage: {value: 0 V}
+parameters:
+  mass: {value: 80 kg, bounds: [10 kg, 1000 kg]}
+  viscous: {value: 200 N*s/m, bounds: [0 N*s/m, 5000 N*s/m]}
+constants:
+  force_per_volt: 35 N/V
+outputs:
+  position: {unit: mm, formula: position}
+"""
+CARRIAGE_RIG = """
+name: carriage
+model: families/carriage.yaml
+channels:
+  position: {unit: mm, quantity: position}
+actuators:
+  voltage: {kind: level, unit: V, low: -10 V, high: 10 V}
+safe_state: {voltage: 0 V}
+"""
+CARRIAGE_MODEL = """
+model: families/carriage.yaml
+rig: rigs/carriage.yaml
+parameters:
+  mass: {value: 80 kg, fit: true}
+  viscous: {value: 200 N*s/m, fit: true}
+"""
+
+
+def carriage_project(folder: Path, load: float) -> None:
+    """A controller moves a carriage to and fro, and writes a voltage at every sample; `load` N pushes it."""
+    create_project(folder)
+    generator = np.random.default_rng(4)
+    step, position, velocity, lines = 0.01, 0.0, 0.0, ["time [s],voltage [V],position [mm]"]
+    for k in range(500):
+        time = k * step
+        wanted, speed = 0.1 - 0.1 * np.cos(3.0 * time), 0.3 * np.sin(3.0 * time)
+        voltage = 150.0 * (wanted - position) + 40.0 * (speed - velocity) + generator.normal(0.0, 0.2)
+        lines.append(f"{time:.2f},{voltage:.6f},{1e3 * (position + generator.normal(0.0, 2e-5)):.5f}")
+        for _ in range(20):  # the voltage is held until the next sample
+            rate = (35.0 * voltage + load - 210.0 * velocity) / 95.0
+            velocity += rate * step / 20
+            position += velocity * step / 20
+    files = {
+        "families/carriage.yaml": CARRIAGE,
+        "rigs/carriage.yaml": CARRIAGE_RIG,
+        "models/carriage.yaml": CARRIAGE_MODEL,
+        "log.csv": "\n".join(lines) + "\n",
+    }
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def test_a_command_written_at_every_sample_has_one_delay_that_hides_no_constant_load(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Delays of rises and falls of their own, and scattered times, explained the drift of the position."""
+    carriage_project(tmp_path, load=3.0)
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/carriage.yaml")
+    compared = answer("compare", "latest", "--model", "models/carriage.yaml")
+    assert not compared["adequate"]
+    assert "record.switching_down" not in compared["parameters"]
+    found = answer("diagnose", "latest", "--model", "models/carriage.yaml")
+    assert {"offset_on_velocity", "offset_of_voltage"} & set(found["effects"])

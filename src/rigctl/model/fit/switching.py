@@ -10,7 +10,8 @@ both have exact derivatives: see `rigctl.engine.excitation.Excitation.shifts`. A
 one d for all of them, and the rest of each is part of the noise, to first order. Where a time constant is as
 short as the sampling interval that is a poor approximation: if with up to a hundred unknowns the error falls
 to the white floor of the noise, they are unknowns (`MeasuredRecord.separate_switches`), which costs a
-simulation several times as much.
+simulation several times as much. Commands that change with most of the samples have one habit, and no d but
+one for all of them (`MeasuredRecord.streamed`).
 """
 
 from __future__ import annotations
@@ -98,10 +99,10 @@ def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
 def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
     """The switches of a record that are not unknowns, and the standard deviations of their times, s.
 
-    If there are very many, those whose commands change most.
+    If there are very many, those whose commands change most; none of streamed commands.
     """
     indices = record.rough_switches
-    if indices.size <= _most(record):
+    if indices.size <= _most(record) or record.streamed:
         return (), np.empty(0)
     width = np.ptp(record.inputs, axis=0)
     jumps = np.abs(np.diff(record.inputs, axis=0)) / np.where(width > 0.0, width, 1.0)

@@ -19,6 +19,8 @@ Integers = NDArray[np.intp]
 
 #: times known better than this, in s and as a share of the sampling interval, are exact
 _EXACT, _EXACT_SHARE = 2e-4, 0.25
+#: a command that changes with more than this share of the samples is calculated anew for each of them
+_OF_SAMPLES = 0.5
 
 
 @dataclass(frozen=True)
@@ -91,10 +93,20 @@ class MeasuredRecord:
         return np.flatnonzero(rough[1:]) + 1
 
     @cached_property
+    def streamed(self) -> bool:
+        """Whether a command changes with most of the samples: a controller or a generator writes it.
+
+        All its times are then late by the same. A delay of its rises and another of its falls would add their
+        difference times the sum of all rises to its integral, as an offset does, and the scatter of each time
+        would add a random walk: a drift of the output would count as either.
+        """
+        return bool(self.rough_switches.size > _OF_SAMPLES * self.times.size)
+
+    @cached_property
     def switch_kinds(self) -> Integers:
         """(switches) 0 for a larger value, 1 for a smaller one, 2 for 0, of the input with the largest
-        change."""
-        if self.inputs.shape[1] == 0:  # no commands: a free pendulum
+        change; all are of one kind in a record of streamed commands."""
+        if self.inputs.shape[1] == 0 or self.streamed:  # none at all: a free pendulum
             return np.zeros(len(self.inputs), dtype=np.intp)
         changes = np.diff(self.inputs, axis=0, prepend=self.inputs[:1])
         width = np.ptp(self.inputs, axis=0)
