@@ -23,6 +23,7 @@ from rigctl.analysis.rivals import classes_of, find_rivals
 from rigctl.analysis.search import Search
 from rigctl.analysis.size_scatter import SizeScatter
 from rigctl.analysis.text import against_identity
+from rigctl.model.fit.reached_bounds import decisive_bounds
 
 
 @dataclass(frozen=True)
@@ -104,9 +105,14 @@ def evidence_against(
     sizes: bool = True,
     certain: Collection[str] = (),
 ) -> list[str]:
-    """Why a set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
+    """Why a set may not be what is missing; see `rigctl.analysis.text.against_identity`.
+
+    A bound that a user wrote and that holds the fit with the set is a reason too: it leaves a misfit that the
+    set may only imitate.
+    """
     reasons = against_identity(best, checks, remaining, search.reached(best), sizes=sizes, certain=certain)
     reasons += doubts(search, best) if search.in_own_scale else []
+    reasons += [one.statement for one in decisive_bounds(best.fit)]
     return [*reasons, *(not_a_sensor(best) if search.tolerance else [])]
 
 

@@ -25,6 +25,8 @@ from rigctl.model.curve_bands import CurveBand
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
+from rigctl.model.fit.undetermined import Undetermined, first_statements, undetermined
 from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import Measurements
 from rigctl.model.validity import Departure, departures
@@ -115,6 +117,27 @@ class ModelComparison:
         """Where the model leaves the ranges over which laws of its effects were learned."""
         return departures(self.fit)
 
+    @cached_property
+    def bounds(self) -> tuple[ReachedBound, ...]:
+        """Its parameters that the fit drove to a bound, or beyond one that was widened."""
+        return reached_bounds(self.fit)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether a bound that a user wrote holds the fit."""
+        return any(one.decisive for one in self.bounds)
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """What has to be known before anything else about it: parameters that ended at a bound, and those
+        that these data do not determine."""
+        return first_statements(self.bounds, self.undetermined)
+
+    @cached_property
+    def undetermined(self) -> tuple[Undetermined, ...]:
+        """Its parameters of which the data determine only combinations."""
+        return undetermined(self.fit)
+
     @property
     def curve_bands(self) -> tuple[CurveBand, ...]:
         """Changes of its readings within the uncertainty bands of its measured curves."""
@@ -179,6 +202,8 @@ class ModelComparison:
             "chi2_reduced": finite_or_none(self.fit.chi2_reduced),
             "channels": self.channels(),
             "parameters": parameters,
+            "bounds": [one.document() for one in self.bounds],
+            "undetermined": [one.document() for one in self.undetermined],
             "where": [place.document() for place in self.where],
             "trends": [trend.document() for trend in self.trends],
             "slots": [slot.document() for slot in self.slots],
@@ -249,7 +274,7 @@ class Comparison:
             )
             verdict = {True: "adequate", False: "not adequate", None: "not decided"}[model.adequacy.verdict]
             lines.append(f"{model.name}: {verdict} ({chance_text(model.adequacy.p_value)}); error {errors}")
-            lines.append(f"  {model.statement}")
+            lines += [f"  {text}" for text in (*model.first, model.statement)]
         return "\n".join(lines)
 
     def frame(self) -> pd.DataFrame:

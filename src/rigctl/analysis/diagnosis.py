@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.beyond_bounds import agreeing_beyond, beyond_text, wider_bounds_text
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
@@ -17,7 +18,7 @@ from rigctl.analysis.judgement import Judgement, agrees_within_tolerance, judge_
 from rigctl.analysis.laws.answer import LawAnswer, laws_instead
 from rigctl.analysis.power import power_text
 from rigctl.analysis.ranking import most_visible, ranking_of
-from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.refit import RefittedSet, plain
 from rigctl.analysis.remainder import share_text
 from rigctl.analysis.repeated_fit import from_another_start, in_scale_of
 from rigctl.analysis.search import Search, require_number_of_effects
@@ -107,6 +108,9 @@ def diagnose_comparison(
         `most` is less than one, or the model cannot be simulated at its fit.
     """
     require_number_of_effects(most)
+    beyond = agreeing_beyond(before)
+    if beyond is not None:
+        return _undecided_by_bound(before, beyond, runs, held_out, notes)
     search, found = _searched(before, most, on_progress or no_progress)
     judgement = judge_set(search, found)
     best, verdict = judgement.best, judgement.verdict
@@ -152,6 +156,39 @@ def diagnose_comparison(
         return diagnosis
     outside = judgement.of_set is Verdict.OUTSIDE_LIBRARY
     return replace(diagnosis, laws=_laws_instead(search) if outside else judgement.every_law.of())
+
+
+def _undecided_by_bound(
+    before: ModelComparison,
+    beyond: ModelComparison,
+    runs: Sequence[str],
+    held_out: Sequence[str],
+    notes: Sequence[str],
+) -> Diagnosis:
+    """The diagnosis of a model that agrees beyond a bound that a user wrote: no effect is looked for."""
+    text = beyond_text(before, beyond)
+    return Diagnosis(
+        runs=tuple(runs),
+        model=before.name,
+        verdict=Verdict.UNDECIDED,
+        effects=(),
+        classes=(),
+        indistinguishable=(),
+        ranking=(),
+        untestable=tuple(untestable(before)),
+        drift=(),
+        statement=text,
+        opening=text,
+        evidence=(),
+        held_out=tuple(held_out),
+        notes=tuple(notes),
+        before=before,
+        best=plain(before.fit),
+        trials=(),
+        p_value_after=before.adequacy.p_value,
+        doubt=text,
+        decided_by=(wider_bounds_text(before),),
+    )
 
 
 def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> Statement:

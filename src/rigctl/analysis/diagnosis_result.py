@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.bootstrap import Bootstrap
@@ -16,6 +17,8 @@ from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.effects.declaration import EffectParameter
 from rigctl.json_values import finite_or_none
+from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
+from rigctl.model.fit.undetermined import first_statements
 from rigctl.model.validity import Departure
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, with_uncertainty
@@ -60,7 +63,7 @@ class Verdict(StrEnum):
     MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does so as well
     AMBIGUOUS = "ambiguous"  #: several effects explain it, and these data cannot distinguish them
     OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no set of effects explains well enough
-    UNDECIDED = "undecided"  #: what is left is slow noise or a missing effect: these data cannot tell which
+    UNDECIDED = "undecided"  #: noise, a bound, or a missing effect: these data cannot tell which
 
 
 @dataclass(frozen=True)
@@ -177,8 +180,8 @@ class Diagnosis:
     best: the fit with `effects`.
     trials: every set that was refitted.
     remainder: what the best set leaves; None if the tests find nothing any more, or there is no set.
-    doubt: why these data cannot tell whether anything is missing: for `OUTSIDE_LIBRARY`, and for `ADEQUATE`
-        if a test rejects a model whose error is below the noise; "" if they can.
+    doubt: why these data cannot tell whether anything is missing: for `OUTSIDE_LIBRARY`, for `ADEQUATE` if a
+        test rejects a model whose error is below the noise, and for `UNDECIDED` by a bound; "" if they can.
     excluded: for a table, effects that cannot by themselves be what is missing; `excluded_because` in words.
     next_steps: for a table, what to measure next.
     levels: for each of `effects`, how far the answer goes: its location, its explanatory variables, its law.
@@ -226,6 +229,20 @@ class Diagnosis:
         """The equation with the most evidence for a missing term, "" if there is none."""
         before = self.before
         return "" if before.adequate or not before.slots else before.slots[0].slot
+
+    @cached_property
+    def bounds(self) -> tuple[ReachedBound, ...]:
+        """The model's parameters that its fit drove to a bound, or that with `effects` did."""
+        with_effects = reached_bounds(self.best.fit) if self.effects else ()
+        before = self.before.bounds
+        known = {(one.parameter, one.side) for one in before}
+        return (*before, *(one for one in with_effects if (one.parameter, one.side) not in known))
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """What has to be known before any effect: parameters that ended at a bound, and those that these data
+        do not determine."""
+        return first_statements(self.bounds, self.before.undetermined)
 
     @property
     def certain_besides(self) -> tuple[str, ...]:
@@ -280,6 +297,8 @@ class Diagnosis:
             "remainder": None if self.remainder is None else self.remainder.document(),
             "doubt": self.doubt,
             "decided_by": list(self.decided_by),
+            "bounds": [one.document() for one in self.bounds],
+            "undetermined": [one.document() for one in self.before.undetermined],
             "channels": self.before.channels(),
             "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
             "drift": [
@@ -311,7 +330,7 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The verdict in a few lines."""
-        lines = [f"{self.verdict.value}: {self.statement}"]
+        lines = [*self.first, f"{self.verdict.value}: {self.statement}"]
         lines += [
             f"  {one.probability:6.1%}  {one.effect}  (score p {one.score_p_value:.2g}, "
             f"ΔmBIC {one.delta_bic:+.1f})"

@@ -18,6 +18,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem, make_problem
+from rigctl.model.fit.reached_bounds import with_wider_bounds
 from rigctl.model.fit.switching import MOST_SEPARATE
 from rigctl.model.measured.assumed import assumed_when_opened
 from rigctl.model.measured.conditions import variable_units
@@ -280,7 +281,17 @@ def fit_problem(
     result = ends(begun, held_out, refit=bool(problem.shared), local=local, progress=iterated)
     if refit and not local:
         result = _locked_on(result, on_progress)
-    again = partial(fit_in_noise, refit=refit, on_progress=on_progress, iterated=iterated)
+
+    def wider(fitted: FitResult, shared: Sequence[Unknown]) -> FitResult:
+        within = fitted.problem.with_shared(shared)
+        return ends(within, held_out, local=fitted.local, progress=iterated)
+
+    def again(fitted: FitResult, noise: DataNoise) -> FitResult:
+        fitted = fit_in_noise(fitted, noise, refit=refit, on_progress=on_progress, iterated=iterated)
+        return with_wider_bounds(fitted, wider) if refit else fitted
+
+    if refit:
+        result = with_wider_bounds(result, wider)
     for learn in (_spikes_off, _standing, _noise_off, _left, _left):
         cleaned = learn(result, noise)
         if cleaned is not None:
@@ -432,10 +443,19 @@ def fit_in_noise(
 
 
 def _started_at(problem: Problem, before: FitResult, shared: Sequence[Unknown]) -> Problem:
-    """The problem with these shared unknowns, which start where those of a fit have ended."""
+    """The problem with these shared unknowns, which start where those of a fit have ended.
+
+    Bounds of the model's own parameters that the fit moved outwards stay there.
+    """
+    known = {one.name: one for one in before.problem.shared if "." not in one.name}
+    shared = [_no_narrower(one, known[one.name]) if one.name in known else one for one in shared]
     ended = {one.name: value for one, value in zip(before.problem.shared, before.values, strict=True)}
     starts = np.array([ended.get(one.name, one.start) for one in shared])
     return problem.with_shared(started(shared, starts))
+
+
+def _no_narrower(one: Unknown, other: Unknown) -> Unknown:
+    return replace(one, lower=min(one.lower, other.lower), upper=max(one.upper, other.upper))
 
 
 def require_free_parameters(model: Model) -> None:

@@ -21,6 +21,8 @@ from rigctl.engine.least_squares import NoValueAtStart
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.model_error import model_error
+from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
+from rigctl.model.fit.undetermined import Undetermined, first_statements, undetermined
 from rigctl.model.history.change import Change
 from rigctl.model.history.save import save_version
 from rigctl.model.history.version import Version
@@ -67,11 +69,20 @@ class Changed:
     model: the new model.
     version: the version that was saved.
     outside: where it leaves the ranges over which laws of its effects were learned.
+    bounds: its parameters that the fit drove to a bound, or beyond one that was widened.
+    undetermined: its parameters of which the data determine only combinations.
     """
 
     model: Model
     version: Version
     outside: tuple[Departure, ...] = ()
+    bounds: tuple[ReachedBound, ...] = ()
+    undetermined: tuple[Undetermined, ...] = ()
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """What has to be known before its values: parameters that ended at a bound, or are undetermined."""
+        return first_statements(self.bounds, self.undetermined)
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
@@ -87,6 +98,8 @@ class Changed:
             "assume": list(done.assume),
             "before": done.before.document() if done.before else None,
             "after": done.after.document() if done.after else None,
+            "bounds": [one.document() for one in self.bounds],
+            "undetermined": [one.document() for one in self.undetermined],
             "outside_validity": [one.document() for one in self.outside],
         }
 
@@ -107,10 +120,16 @@ def change_model(
     model = load_model(path)
     if wanted.kind == "fit":
         require_free_parameters(model)
-    changed, change, outside = (
-        _measured(model, wanted, runs, on_progress) if runs else (*_unmeasured(model, wanted), ())
-    )
-    return Changed(changed, save_version(changed, path, change, effect_files=wanted.effect_files), outside)
+    fitted = None
+    if runs:
+        fitted, change = _measured(model, wanted, runs, on_progress)
+        changed = fitted.model
+    else:
+        changed, change = _unmeasured(model, wanted)
+    version = save_version(changed, path, change, effect_files=wanted.effect_files)
+    if fitted is None:
+        return Changed(changed, version)
+    return Changed(changed, version, departures(fitted), reached_bounds(fitted), undetermined(fitted))
 
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
@@ -129,7 +148,8 @@ def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
 
 def _measured(
     model: Model, wanted: Wanted, runs: Sequence[Run], on_progress: OnProgress
-) -> tuple[Model, Change, tuple[Departure, ...]]:
+) -> tuple[FitResult, Change]:
+    """The changed model on its records, and the change of the error."""
     wanted.changed(model)  # an invalid change is refused before any work is done
     data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, on_progress=on_progress)
     refit = wanted.fit and wanted.kind != "fit"
@@ -148,7 +168,7 @@ def _measured(
         after=model_error(after),
         note=wanted.note,
     )
-    return after.model, change, departures(after)
+    return after, change
 
 
 def _fit_changed(before: FitResult, changed: Model, wanted: Wanted, on_progress: OnProgress) -> FitResult:

@@ -146,7 +146,7 @@ def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iter
 
 def _value(declared: ParameterDeclaration, written: Quantity) -> float:
     si = read_si(written, declared.unit)
-    return within(declared.name, si, declared.low, declared.high, declared.unit, str(written))
+    return within(declared.name, si, *declared.widest, declared.unit, str(written))
 
 
 def _prior(declared: ParameterDeclaration, written: Known | None) -> Prior | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+#: end of the `source` of a value that a fit left where it was, because the data determine only combinations
+NOT_DETERMINED = "which does not determine it by itself"
+
+
 @dataclass(frozen=True)
 class Value:
     """A parameter's value in SI, and its uncertainty.
@@ -46,6 +50,11 @@ class Value:
     source: str = ""
     unit: str = ""
     prior: Prior | None = None
+
+    @property
+    def undetermined(self) -> bool:
+        """Whether the data to which it was fitted do not determine it."""
+        return self.source.endswith(NOT_DETERMINED)
 
 
 @dataclass(frozen=True)
@@ -232,7 +241,12 @@ class Model:
 
     @checks_argument_types
     def with_values(
-        self, values: Mapping[str, float], *, std: Mapping[str, float] | None = None, source: str = ""
+        self,
+        values: Mapping[str, float],
+        *,
+        std: Mapping[str, float] | None = None,
+        source: str = "",
+        undetermined: Collection[str] = (),
     ) -> Model:
         """The model with other values (SI, names as in `values`); which parameters are free stays unchanged.
 
@@ -241,6 +255,7 @@ class Model:
         std: the standard deviations of the new values (SI, the same names), as far as known. The previous
             uncertainty of a changed value no longer applies.
         source: the origin of the new values.
+        undetermined: those that this origin does not determine by themselves; said in their sources.
 
         Raises
         ------
@@ -255,7 +270,8 @@ class Model:
             effect, dot, parameter = name.partition(".")
             where = effects[effect] if dot else parameters
             key = parameter if dot else name
-            given = Value(float(value), std=(std or {}).get(name), source=source)
+            origin = f"{source}, {NOT_DETERMINED}" if name in undetermined else source
+            given = Value(float(value), std=(std or {}).get(name), source=origin)
             old = where.get(key, Value(self.values[name]))
             if key not in where or given != Value(old.si):
                 where[key] = replace(given, fit=old.fit, unit=old.unit, prior=old.prior)

@@ -44,7 +44,7 @@ def _value(declared: ParameterDeclaration, text: str) -> float:
     except RigctlError as error:
         error.what = f"{declared.name}: {error.what}"
         raise
-    return within(declared.name, si, declared.low, declared.high, declared.unit, text)
+    return within(declared.name, si, *declared.widest, declared.unit, text)
 
 
 def require_possible(model: Model, name: str, si: float) -> None:
@@ -62,7 +62,7 @@ def require_possible(model: Model, name: str, si: float) -> None:
         within(name, si, low, high, declared.unit, difference=declared.difference)
     else:
         of_family = model.family.parameter(name)
-        within(name, si, of_family.low, of_family.high, of_family.unit)
+        within(name, si, *of_family.widest, of_family.unit)
 
 
 def set_by_hand(model: Model, values: Mapping[str, float]) -> Model:
@@ -86,7 +86,8 @@ def setting_text(model: Model, name: str, si: float) -> str:
         return value_text(si, unit, difference=declared.difference, low=low, high=high)
     of_family = model.family.parameter(name)
     unit = _stated_unit(model, name) or of_family.unit
-    return value_text(si, unit, low=of_family.low, high=of_family.high)
+    low, high = of_family.widest
+    return value_text(si, unit, low=low, high=high)
 
 
 def _stated_unit(model: Model, name: str) -> str:

@@ -29,6 +29,7 @@ class StatedValue:
     origin: of the value: the model file, the rig file, the oil, the family or the effect.
     source: the origin stated in the model file, in words.
     prior: prior knowledge, SI.
+    undetermined: the data to which it was fitted determine only combinations of it with others.
     """
 
     name: str
@@ -42,6 +43,7 @@ class StatedValue:
     meaning: str
     difference: bool = False
     prior: Prior | None = None
+    undetermined: bool = False
 
     @property
     def value(self) -> float:
@@ -94,6 +96,7 @@ def _of_family(model: Model) -> Iterator[StatedValue]:
             source=given.source,
             meaning=declared.meaning,
             prior=given.prior,
+            undetermined=given.undetermined,
         )
 
 
@@ -114,4 +117,5 @@ def _of_effects(model: Model) -> Iterator[StatedValue]:
                 source=given.source,
                 meaning=declared.meaning,
                 difference=declared.difference,
+                undetermined=given.undetermined,
             )

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from rigctl.physics.interpolation import Curve
     from rigctl.physics.scope import Scope
 
+#: how far beyond the limits of the usual range a parameter may be, as a factor
+_BEYOND = 10.0
+
 #: an equation: a function of the variables of a scope
 Formula: TypeAlias = "Callable[[Scope], Scalar]"
 
@@ -85,6 +88,8 @@ class ParameterDeclaration:
     ----------
     unit: in which it is shown, e.g. mm^2; `value`, `low` and `high` are SI.
     fixed: never fitted, but a number in the compiled equations (a bore, for example).
+    usual: whether the lower and the upper bound are only limits of the usual range, which a fit may leave.
+        Those that a user wrote are not.
     """
 
     name: str
@@ -94,6 +99,15 @@ class ParameterDeclaration:
     low: float = 0.0
     high: float = float("inf")
     fixed: bool = False
+    usual: tuple[bool, bool] = (False, False)
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """The bounds, with limits of the usual range ten times as far out; zero stays a bound."""
+        low_usual, high_usual = self.usual
+        low = self.low / _BEYOND if self.low > 0.0 else _BEYOND * self.low
+        high = self.high / _BEYOND if self.high < 0.0 else _BEYOND * self.high
+        return (low if low_usual else self.low, high if high_usual else self.high)
 
 
 @dataclass(frozen=True)

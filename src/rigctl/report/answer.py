@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from rigctl.analysis.comparison_result import ModelComparison
@@ -36,12 +36,14 @@ class Answer:
     title: the verdict in a few words.
     sentence: the verdict in a plain sentence, without a full stop.
     facts: headings and texts, the most important first.
+    first: sentences that come before the verdict: what has to be known to trust it.
     """
 
     tone: Tone
     title: str
     sentence: str
     facts: tuple[tuple[str, str], ...]
+    first: tuple[str, ...] = ()
 
 
 def comparison_answer(model: ModelComparison) -> Answer:
@@ -51,12 +53,12 @@ def comparison_answer(model: ModelComparison) -> Answer:
         facts.append(("error", error_text(falls([model.fit], left_of(model)))))
     verdict = model.adequacy.verdict
     if verdict is False:
-        facts += [("mostly at", _most(model)), ("lacks", _wanted(model))]
+        facts += [("mostly at", _most(model)), ("lacks", "" if model.bounded else _wanted(model))]
     facts.append(("held out", held_out_text([model.fit])))
     facts.append(("decided by", "; or ".join(model.decided_by)))
     tones: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
     titles = {True: "Agrees", False: "Does not agree", None: "Cannot tell"}
-    return Answer(tones[verdict], titles[verdict], model.statement, nonempty(facts))
+    return Answer(tones[verdict], titles[verdict], model.statement, nonempty(facts), model.first)
 
 
 def fit_text(model: ModelComparison) -> str:
@@ -73,7 +75,7 @@ def models_answer(models: Sequence[ModelComparison]) -> Answer:
     facts = [("error", error_text(falls(fits, left_of(models[-1])))), ("held out", held_out_text(fits))]
     facts += [(head, text) for head, text in last.facts if head not in ("error", "held out")]
     facts.sort(key=lambda fact: fact[0] != "fit")
-    return Answer(last.tone, last.title, last.sentence, nonempty(facts))
+    return replace(last, facts=nonempty(facts))
 
 
 def plain_statement(model: ModelComparison) -> str:

@@ -48,7 +48,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     facts.append(("its law", laws[0] if laws else ""))
     facts.append(("decided by", "; or ".join(diagnosis.decided_by)))
     tone: Tone = "open" if diagnosis.doubt else _TONES[diagnosis.verdict]
-    return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts))
+    return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts), diagnosis.first)
 
 
 def _error(diagnosis: Diagnosis) -> str:
@@ -79,11 +79,13 @@ def improvement_answer(improvement: Improvement) -> Answer:
     if improvement.ended is not ImprovementEnd.ADEQUATE:
         facts += [("now", f"{improvement.last.title}: {_sentence(improvement.last)}")]
     tone: Tone = "good" if improvement.ended is ImprovementEnd.ADEQUATE else "warn"
-    return Answer(tone, "What was added", text[0].upper() + text[1:], nonempty(facts))
+    return Answer(tone, "What was added", text[0].upper() + text[1:], nonempty(facts), improvement.last.first)
 
 
 def _sentence(diagnosis: Diagnosis) -> str:
     """The verdict in a plain sentence; its statement if that is one."""
+    if diagnosis.verdict is Verdict.UNDECIDED and diagnosis.before.bounded:
+        return diagnosis.statement
     if diagnosis.doubt:
         return f"{diagnosis.doubt}: these data cannot tell whether anything is missing"
     if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):

@@ -247,6 +247,8 @@ def _lead_on(
     if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
         command = page_of("diagnose", runs, model, choice, *limit, *shown)
         show_next(command, "writes a page, with what to measure next")
+    elif diagnosis.verdict is Verdict.UNDECIDED and diagnosis.before.bounded:
+        show_next(again, "looks again, once the bound is wider")
     elif diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:
         command = page_of("compare", runs, model, choice)
         show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")

@@ -89,6 +89,7 @@ def _show(changed: Changed, family: str | None, *, verbose: bool) -> None:
         "",
         f"{head} is now version {version.number}, {new}.",
         tuple((name, text) for name, text in facts if text),
+        changed.first,
     )
     show_answer(answer, title="-", more=[] if verbose else more)
     if verbose and done.before is not None and done.after is not None:

@@ -22,6 +22,7 @@ def show_answer(answer: Answer, *, title: str = "", more: Sequence[str] = ()) ->
     more: what was left out, e.g. ``4 notes on the data``.
     """
     out, colour = console(), _COLOURS[answer.tone]
+    show_first(answer.first)
     head = title or answer.title
     if head == "-":
         out.print(f"[bold {colour}]{escape(answer.sentence)}[/]", soft_wrap=True)
@@ -31,6 +32,12 @@ def show_answer(answer: Answer, *, title: str = "", more: Sequence[str] = ()) ->
         out.print(f"  [dim]{escape(name):<{_WIDTH}}[/] {escape(text)}", soft_wrap=True)
     if more:
         out.print(f"  [dim]{'-v shows':<{_WIDTH}} {escape(', '.join(more))}[/]", soft_wrap=True)
+
+
+def show_first(sentences: Sequence[str]) -> None:
+    """Print what has to be known before the answer."""
+    for sentence in sentences:
+        console().print(f"[bold yellow]{escape(sentence)}.[/]", soft_wrap=True)
 
 
 def counted(number: int, noun: str, nouns: str = "") -> list[str]:

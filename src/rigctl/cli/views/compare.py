@@ -13,7 +13,7 @@ from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.fmu_rival import FmuRival
 from rigctl.analysis.localisation import Place
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.views.answer import counted, show_answer, show_first
 from rigctl.cli.views.table import show_rows
 from rigctl.model.validity import Departure
 from rigctl.report.answer import models_answer
@@ -152,6 +152,7 @@ def _show_evidence(comparison: Comparison) -> None:
 def show_statement(model: ModelComparison) -> None:
     """Show a comparison's one-sentence result: green if it agrees, grey if these data cannot tell."""
     colour = {True: "green", False: "red", None: "bright_black"}[model.adequacy.verdict]
+    show_first(model.first)
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
 
 

@@ -16,7 +16,7 @@ from rigctl.analysis.improve import Improvement, Step
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.text import drift_text, parameters_text
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.views.answer import counted, show_answer, show_first
 from rigctl.cli.views.compare import routine, show_departures, show_notes, show_unusual
 from rigctl.cli.views.model import show_errors
 from rigctl.report.diagnosis_answer import diagnosis_answer, improvement_answer
@@ -143,6 +143,7 @@ def _show_laws(laws: Sequence[LawAnswer]) -> None:
 def _show_verdict(diagnosis: Diagnosis) -> None:
     colour = "bright_black" if diagnosis.doubt else _COLOURS[diagnosis.verdict]
     title = f"[bold {colour}]{escape(_title(diagnosis))}[/]"
+    show_first(diagnosis.first)
     console().print(f"{title}: {escape(diagnosis.statement)}.", soft_wrap=True)
     for line in () if diagnosis.before.rows else diagnosis.before.in_brief:
         console().print(f"  {escape(line)}", soft_wrap=True)

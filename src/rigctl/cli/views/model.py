@@ -85,6 +85,8 @@ def _whether_fitted(stated: StatedValue) -> str:
 
 def value_texts(stated: StatedValue) -> tuple[str, str]:
     """A value and its standard deviation in the significant digits, with its unit if that differs."""
+    if stated.undetermined:
+        return significant(stated.value, 2), "not determined"
     if not stated.std_value:
         return f"{stated.value:.6g}", ""
     unit = "" if stated.std_unit == stated.unit else f" {stated.std_unit}"
@@ -136,6 +138,7 @@ def value_document(stated: StatedValue) -> dict[str, Any]:
         "std_unit": stated.std_unit,
         "fit": stated.fit,
         "prior": _prior(stated.prior_values),
+        "undetermined": stated.undetermined,
         "fixed": stated.fixed,
         "origin": stated.origin,
         "from": stated.source or _SAID_BY[stated.origin],

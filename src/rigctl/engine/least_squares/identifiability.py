@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 #: a combination with a smaller singular value than this share of the largest is not determined by the data
 WEAK = 1e-4
-_MENTIONED = 0.1
+_MENTIONED, _NOTICEABLE = 0.1, 1e-3
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,13 @@ class Combination:
         without any effect, 1 for uncorrelated parameters.
     parts: share of each parameter in it, largest first; a change of a parameter counts in units of its own
         effect on the residuals.
+    changes: the changes that compensate for each other, in the parameters' own units, of all parameters with
+        a noticeable share.
     """
 
     singular_value: float
     parts: tuple[tuple[str, float], ...]
+    changes: tuple[tuple[str, float], ...] = ()
 
     def __str__(self) -> str:
         terms = " ".join(f"{share:+.2f}·{name}" for name, share in self.parts)
@@ -47,7 +50,7 @@ def null_columns(blocks: Sequence[Block], names: Sequence[str]) -> tuple[str, ..
 
 
 def weak_combinations(
-    matrix: Floats, norms: Floats, names: Sequence[str]
+    matrix: Floats, norms: Floats, names: Sequence[str], sizes: Floats | None = None
 ) -> tuple[Floats, tuple[Combination, ...]]:
     """Singular values of the shared parameters' columns, and the combinations that are too weak.
 
@@ -55,13 +58,15 @@ def weak_combinations(
     ----------
     matrix: (rows, p) with the records' own parameters projected out.
     norms: (p) lengths of the columns before that, to which they are scaled.
+    sizes: (p) by which the columns of `matrix` were divided already; 1 by default.
 
     G. H. Golub, C. F. Van Loan, Matrix Computations, 5.5.7 (subset selection by SVD).
     """
     if not len(names):
         return np.empty(0), ()
-    sizes = np.where(norms > 0.0, norms, 1.0)
-    _, values, directions = np.linalg.svd(matrix / sizes, full_matrices=False)
+    lengths = np.where(norms > 0.0, norms, 1.0)
+    whole = lengths if sizes is None else lengths * sizes
+    _, values, directions = np.linalg.svd(matrix / lengths, full_matrices=False)
     padded = np.zeros(len(names))
     padded[: values.size] = values
     largest = padded.max() or 1.0
@@ -69,7 +74,13 @@ def weak_combinations(
     for index in range(values.size):
         share = values[index] / largest
         if share < WEAK:
-            weak.append(Combination(float(share), _parts(directions[index], names)))
+            parts = _parts(directions[index], names)
+            changes = tuple(
+                (name, float(share / size))
+                for name, share, size in zip(names, directions[index], whole, strict=True)
+                if abs(share) > _NOTICEABLE
+            )
+            weak.append(Combination(float(values[index] / largest), parts, changes))
     return padded / largest, tuple(weak)
 
 

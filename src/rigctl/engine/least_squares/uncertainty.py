@@ -45,7 +45,7 @@ def conclude(
     factors = eliminate(arrow.scaled(size), point.like(weight / scale), nothing, mask, nothing)
     chosen = mask.shared.astype(bool)
     names = [unknown.name for unknown, one in zip(unknowns, chosen, strict=True) if one]
-    values, weak = weak_combinations(factors.matrix, np.ones(len(names)), names)
+    values, weak = weak_combinations(factors.matrix, np.ones(len(names)), names, size.shared[chosen])
     inverse = _inverse(factors.matrix)
     shared = np.zeros((len(unknowns), len(unknowns)))
     shared[np.ix_(chosen, chosen)] = inverse / np.outer(size.shared[chosen], size.shared[chosen])

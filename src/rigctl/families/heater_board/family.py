@@ -25,10 +25,16 @@ INPUTS = (
     InputVariable("ambient_temperature", "K", 296.15, "around the board, one value for each record"),
 )
 
+#: none of the bounds is physical
+_USUAL = (True, True)
+
 PARAMETERS = (
-    *(Parameter(f"heater_gain_{n}", "W", 1.0, f"power of heater {n} at 100 %", 0.01, 100.0) for n in HEATERS),
-    Parameter("heat_capacity", "J/K", 2.0, "C of one heater with its thermometer", 0.1, 200.0),
-    Parameter("convection", "W/K", 0.012, "U: heat lost per kelvin above ambient", 1e-4, 1.0),
+    *(
+        Parameter(f"heater_gain_{n}", "W", 1.0, f"power of heater {n} at 100 %", 0.01, 100.0, usual=_USUAL)
+        for n in HEATERS
+    ),
+    Parameter("heat_capacity", "J/K", 2.0, "C of one heater with its thermometer", 0.1, 200.0, usual=_USUAL),
+    Parameter("convection", "W/K", 0.012, "U: heat lost per kelvin above ambient", 1e-4, 1.0, usual=_USUAL),
 )
 
 DEFINITIONS = (

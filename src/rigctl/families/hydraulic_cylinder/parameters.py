@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rigctl.physics.family import ParameterDeclaration as Parameter
 from rigctl.physics.oil import HL32
 
@@ -43,7 +45,17 @@ FITTABLE = (
     Parameter("pump_heat_share", "1", 1.0, "share of the pump's power that heats the tank", 0.0, 1.2),
 )
 
-PARAMETERS = (*FIXED, *FITTABLE)
+#: which bounds are only usual, where some are physical: a share above one
+_USUAL = {
+    "discharge_coefficient": (True, False),
+    "hydromechanical_efficiency": (True, False),
+    "pump_heat_share": (False, False),
+}
+
+PARAMETERS = (
+    *FIXED,
+    *(replace(one, usual=_USUAL.get(one.name, (one.low != 0.0, True))) for one in FITTABLE),
+)
 
 #: names in a rig file that differ from those of the parameters
 RIG_NAMES = {"throttle_area": ("flow_area",)}

@@ -40,6 +40,9 @@ def kinematic_reading(m: Scope) -> Scalar:
 _TEMPERATURES = tuple(273.15 + 5.0 * index for index in range(21))
 _PRESSURES = (0.0, 300e5)
 
+#: neither bound is physical
+_USUAL = (True, True)
+
 #: each row of the table lasts a second and is read in the middle of it
 STANDARD_RECORD = StandardRecord(
     "0 to 100 degC in steps of 5, at 0 and then at 300 bar, a row each second",
@@ -60,11 +63,13 @@ FAMILY = ModelFamily(
         InputVariable("pressure", "Pa", 0.0, "gauge"),
     ),
     parameters=(
-        Parameter("vogel_a", "Pa*s", HL32.vogel.a, "a of Vogel's law", 1e-7, 1e-2),
-        Parameter("vogel_b", "K", HL32.vogel.b, "b of Vogel's law", 100.0, 5e3),
-        Parameter("vogel_c", "K", HL32.vogel.c, "c of Vogel's law", 50.0, 260.0),
-        Parameter("density_15", "kg/m^3", HL32.density_15, "density at 15 degC", 500.0, 1500.0),
-        Parameter("thermal_expansion", "1/K", HL32.thermal_expansion, "alpha_v", 0.0, 3e-3),
+        Parameter("vogel_a", "Pa*s", HL32.vogel.a, "a of Vogel's law", 1e-7, 1e-2, usual=_USUAL),
+        Parameter("vogel_b", "K", HL32.vogel.b, "b of Vogel's law", 100.0, 5e3, usual=_USUAL),
+        Parameter("vogel_c", "K", HL32.vogel.c, "c of Vogel's law", 50.0, 260.0, usual=(True, False)),
+        Parameter("density_15", "kg/m^3", HL32.density_15, "density at 15 degC", 500.0, 1500.0, usual=_USUAL),
+        Parameter(
+            "thermal_expansion", "1/K", HL32.thermal_expansion, "alpha_v", 0.0, 3e-3, usual=(False, True)
+        ),
     ),
     definitions=(
         Definition("temperature", "K", temperature, "oil in the viscometer"),

@@ -116,10 +116,21 @@ class FitResult:
             for unknown, value in zip(self.problem.shared, self.values, strict=True)
             if unknown.name in known
         }
-        std = {name: value for name, value in self.std.items() if name in changes and 0.0 < value < math.inf}
+        lost = self.undetermined
+        std = {
+            name: value
+            for name, value in self.std.items()
+            if name in changes and name not in lost and 0.0 < value < math.inf
+        }
         runs = ", ".join(self.problem.measurements.runs)
         source = f"fitted {datetime.now(UTC):%Y-%m-%d} to {runs}"
-        return self.problem.model.with_values(changes, std=std, source=source)
+        return self.problem.model.with_values(changes, std=std, source=source, undetermined=lost)
+
+    @cached_property
+    def undetermined(self) -> frozenset[str]:
+        """The shared unknowns of which the data determine only combinations."""
+        weak = () if self.solution is None else self.solution.weak
+        return frozenset(name for one in weak for name, _ in one.parts)
 
     @cached_property
     def std(self) -> dict[str, float]:

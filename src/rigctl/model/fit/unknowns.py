@@ -19,7 +19,7 @@ from rigctl.model.model import Model
 from rigctl.physics.si_unit import si_unit
 
 #: bounds of a parameter without declared ones, as factors of its value
-_NARROW, _WIDE = 0.05, 20.0
+NARROW, WIDE = 0.05, 20.0
 #: lower limit of the pressure in a closed chamber, Pa relative to the surroundings: the oil cavitates before
 _VACUUM = -0.5e5
 
@@ -51,8 +51,12 @@ def parameter_unknown(model: Model, name: str) -> Unknown:
     if dot:
         return effect_unknown(model.effect(effect), parameter, value)
     declared = model.family.parameter(name)
-    low = max(declared.low, _NARROW * value) if declared.low == 0.0 and value > 0.0 else declared.low
-    high = declared.high if math.isfinite(declared.high) or not value else _WIDE * abs(value)
+    low = max(declared.low, NARROW * value) if declared.low == 0.0 and value > 0.0 else declared.low
+    high = declared.high if math.isfinite(declared.high) or not value else WIDE * abs(value)
+    if declared.usual[0] and value < low:
+        low = declared.widest[0]
+    if declared.usual[1] and value > high:
+        high = declared.widest[1]
     given = model.parameters.get(name)
     return Unknown(
         name,

@@ -86,12 +86,13 @@ def _write_parameters(text: Text, before: Model, model: Model) -> None:
     for name, value in model.parameters.items():
         if before.parameters.get(name) != value:
             declared = model.family.parameter(name)
+            low, high = declared.widest
             fields = _fields(
                 value,
                 value.unit or declared.unit,
                 changed=name not in before.parameters or before.parameters[name].si != value.si,
-                low=declared.low,
-                high=declared.high,
+                low=low,
+                high=high,
             )
             _write_setting(text, ("parameters", name), fields)
 

@@ -79,6 +79,7 @@ def answer_section(answer: Answer, named: NamedModels | None, *, about: str, sen
     body = render(
         "answer.html",
         answer=answer,
+        first=[words(one) for one in answer.first],
         sentence=words(without_chance(sentence or answer.sentence)),
         facts=[(words(head), words(text)) for head, text in answer.facts if head not in _ELSEWHERE],
         falls=None if named is None else _chart(shown, named),

@@ -1,0 +1,60 @@
+"""Whether a model agrees with the data beyond a bound that a user wrote and that holds its fit.
+
+Where it does, the misfit is that of the bound, and an effect that explains it would only imitate a parameter
+that was not allowed to have its value.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from rigctl.analysis.comparison import judge
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.fitting import fit_in_noise, noise_in
+from rigctl.errors import RigctlError
+from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.reached_bounds import beyond_written
+from rigctl.model.measured.standing import with_what_is_left
+from rigctl.units import show
+
+
+def agreeing_beyond(before: ModelComparison) -> ModelComparison | None:
+    """The model fitted with wider bounds, if no test rejects it then.
+
+    None if it agrees as it is, if no bound of a user holds it, or if wider bounds do not help.
+    """
+    if before.adequate or not before.bounded:
+        return None
+    with suppress(RigctlError):  # the model cannot be simulated there
+        beyond = judge(_fitted_beyond(before.fit), before.name, excluded=before.excluded)
+        return None if beyond.adequacy.verdict is False else beyond
+    return None
+
+
+def _fitted_beyond(fitted: FitResult) -> FitResult:
+    """The fit with the bounds that hold it moved outwards, in the noise that it leaves then."""
+    shared = beyond_written(fitted)
+    assert shared is not None  # noqa: S101 - a bound holds it
+    wider = fit(fitted.problem.with_shared(shared), fitted.held_out, local=fitted.local)
+    left = with_what_is_left(
+        noise_in(wider), wider.problem.measurements, wider.outputs, wider.fitted, unknowns=wider.unknowns
+    )
+    return wider if left is None else fit_in_noise(wider, left)
+
+
+def beyond_text(before: ModelComparison, beyond: ModelComparison) -> str:
+    """``with heat_capacity at 220 J/K the model agrees: whether anything else is missing is not decided``."""
+    ended = {one.name: float(v) for one, v in zip(beyond.fit.problem.shared, beyond.fit.values, strict=True)}
+    values = " and ".join(
+        f"{one.parameter} at {show(ended[one.parameter], one.unit)}" for one in before.bounds if one.decisive
+    )
+    return (
+        f"with {values}, beyond its bound, {before.name} agrees with the measurements: nothing else need be "
+        "missing"
+    )
+
+
+def wider_bounds_text(before: ModelComparison) -> str:
+    """What to do: ``wider bounds of heat_capacity in the family file, or a reason for them``."""
+    names = " and ".join(one.parameter for one in before.bounds if one.decisive)
+    return f"wider bounds of {names} in the family file; or, if they are right, a model with another effect"
