@@ -150,6 +150,12 @@ def test_a_sound_channel_that_rests_is_not_stuck(
         assert not found_in(values[:1000], values[1000:], times=FAST)
 
 
+def test_numbers_of_any_size_are_read() -> None:
+    """A model that decays to nothing, a file with numbers that no sensor gives."""
+    assert not found_in(np.exp(-5.0 * TIMES))
+    assert not found_in(1.7e308 * np.cos(TIMES))
+
+
 def test_too_little_says_nothing() -> None:
     assert not found_in(np.repeat([0.0, 1.0, 2.0, 3.0, 10.0, 0.0], 50))
     assert not found_in(np.full(300, 22.0))

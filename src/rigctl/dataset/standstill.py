@@ -101,6 +101,11 @@ class StandstillDetector:
         times, values = times[present], values[present]
         if not values.size:
             return
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):  # a file may hold any number
+            self._count_steps(values)
+        self._add_stretches(times, values)
+
+    def _count_steps(self, values: NDArray[np.float64]) -> None:
         steps = np.diff(np.concatenate([self._last, values]))
         new = steps[max(self._last.size - 1, 0) :]
         self._readings += int(values.size)
@@ -113,6 +118,8 @@ class StandstillDetector:
         self._noisy += int((beyond[1:] & beyond[:-1] & (changes[1:] * changes[:-1] < 0.0)).sum())
         self._last = np.concatenate([self._last, values])[-3:]
         self._ends = (min(self._ends[0], float(values.min())), max(self._ends[1], float(values.max())))
+
+    def _add_stretches(self, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
         starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
         ends = np.append(starts[1:], values.size)
         told = ends - starts >= _STORED
@@ -129,8 +136,8 @@ class StandstillDetector:
         if not moves.size:
             return
         joined = np.concatenate([[self._last_change], moves])
-        larger = np.maximum(np.abs(joined[1:]), np.abs(joined[:-1])) / self._step
-        several = (larger > _BEYOND_ROUNDING) & (larger < _WIDE)
+        larger = np.maximum(np.abs(joined[1:]), np.abs(joined[:-1]))
+        several = (larger > _BEYOND_ROUNDING * self._step) & (larger < _WIDE * self._step)
         self._wide += int((several & (joined[1:] * joined[:-1] < 0.0)).sum())
         self._beyond += int((np.abs(moves) > _WIDE * self._step).sum())
         self._last_change = float(moves[-1])
