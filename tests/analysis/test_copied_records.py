@@ -120,11 +120,56 @@ def test_a_copy_without_one_of_the_channels_is_a_copy(logs: Logs) -> None:
 
 
 def test_repeated_measurements_are_no_copies(logs: Logs) -> None:
-    other = frame(1)
-    other.loc[20, "temperature_1 [degC]"] += 0.01
-    data = logs.data(logs.run(frame(1), frame(2), other))
+    data = logs.data(logs.run(frame(1), frame(2), frame(3)))
     assert len(labels(data)) == 3
     assert not any("same samples" in note for note in data.measurements.notes)
+
+
+def test_a_copy_of_which_a_value_was_edited_is_a_copy(logs: Logs) -> None:
+    edited = frame(1)
+    edited.loc[20, "temperature_1 [degC]"] += 0.01
+    assert len(labels(logs.data(logs.run(frame(1), frame(2)), logs.run(edited)))) == 2
+
+
+def seen(data: Data) -> list[int]:
+    """Numbers of samples of each record that count."""
+    return [int(record.here.any(axis=1).sum()) for record in data.measurements.records]
+
+
+@pytest.mark.parametrize("hold_out", [None, "record == 1", "record == 2"])
+def test_two_exports_that_overlap_count_their_common_samples_once(logs: Logs, hold_out: str | None) -> None:
+    """The end of the earlier one is left out, so that the later one keeps its initial values."""
+    log = frame(1)
+    earlier, later = logs.run(log.iloc[:30]), logs.run(log.iloc[8:])
+    data = logs.data(earlier, later, hold_out=hold_out)
+    assert seen(data) == [8, 32]
+    said = f"{earlier.id}/0 has 22 samples, from 40 s to 145 s, that are in {later.id}/0 too: they count once"
+    assert said in data.measurements.notes
+
+
+def test_a_part_of_a_record_is_no_unseen_record(logs: Logs) -> None:
+    log = frame(1)
+    whole, part = logs.run(log, frame(2)), logs.run(log.iloc[5:30])
+    data = logs.data(whole, part)
+    assert labels(data) == [f"{whole.id}/0", f"{whole.id}/1"]
+    with pytest.raises(RigctlError, match="nothing that is held out is unseen"):
+        logs.data(whole, part, hold_out="record == 3")
+    # the other way round, the part is fitted, and the rest of the record is unseen
+    data = logs.data(whole, part, hold_out="record == 1")
+    assert (seen(data), data.held_out) == ([15, 40, 25], (0,))
+
+
+def test_three_exports_count_every_sample_once(logs: Logs) -> None:
+    log = pd.concat([frame(1), frame(2, start=200.0), frame(3, start=400.0)], ignore_index=True)
+    runs = [logs.run(log.iloc[:60]), logs.run(log.iloc[30:90]), logs.run(log.iloc[60:])]
+    assert sum(seen(logs.data(*runs))) == len(log)
+
+
+def test_records_that_are_alike_for_a_while_are_no_copies(logs: Logs) -> None:
+    """Without noise, as in a simulation, equal beginnings give equal readings."""
+    one, other = frame(1), frame(2)
+    other.iloc[:30] = one.iloc[:30]
+    assert seen(logs.data(logs.run(one), logs.run(other))) == [40, 40]
 
 
 def test_equal_readings_after_other_commands_are_no_copies(logs: Logs) -> None:
@@ -133,9 +178,28 @@ def test_equal_readings_after_other_commands_are_no_copies(logs: Logs) -> None:
     assert len(labels(logs.data(logs.run(frame(1)), logs.run(other)))) == 2
 
 
-def test_a_whole_run_that_was_imported_twice_is_refused(logs: Logs) -> None:
+def test_a_whole_run_that_was_imported_twice_counts_once(logs: Logs) -> None:
     path = logs.folder / "log.csv"
     frame(1).to_csv(path, index=False)
-    runs = [import_file(path, load_rig(RIG), logs.folder / "runs").path for _ in range(2)]
-    with pytest.raises(RigctlError, match="it holds the same measurements as"):
-        logs.data(*(rigctl.open_run(run) for run in runs))
+    runs = [rigctl.open_run(import_file(path, load_rig(RIG), logs.folder / "runs").path) for _ in range(2)]
+    data = logs.data(*runs)
+    assert labels(data) == [f"{runs[0].id}/0"]
+    said = f"{runs[1].id}/0 has the same samples as {runs[0].id}/0: it counts once"
+    assert said in data.measurements.notes
+    with pytest.raises(RigctlError, match="nothing that is held out is unseen"):
+        logs.data(*runs, hold_out="record == 2")
+
+
+def test_rows_of_a_table_that_was_imported_twice_count_once(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    table = (root / "data" / "hl32-strokes.csv").read_text(encoding="utf-8").splitlines()
+    again = tmp_path / "more.csv"
+    head = next(at for at, line in enumerate(table) if line.startswith("oil_temperature"))
+    again.write_text("\n".join([*table[: head + 1], *table[head + 3 : head + 15]]), encoding="utf-8")
+    rig = load_rig(root / "rigs" / "hl32-bench.yaml")
+    model = rigctl.load_model(root / "models" / "hl32-textbook.yaml")
+    runs = [
+        rigctl.open_run(import_file(path, rig, tmp_path / "runs").path)
+        for path in (root / "data" / "hl32-strokes.csv", root / "data" / "hl32-strokes.csv", again)
+    ]
+    assert len(labels(read_runs(model, runs))) == len(labels(read_runs(model, runs[:1])))

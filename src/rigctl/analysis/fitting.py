@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import Choice
-from rigctl.dataset.copies import without_copies
 from rigctl.dataset.run import Run
 from rigctl.engine.least_squares import Iteration, Refused, Unknown, started
 from rigctl.engine.one_thread import one_thread
@@ -22,7 +21,7 @@ from rigctl.model.fit.reached_bounds import with_wider_bounds
 from rigctl.model.fit.switching import MOST_SEPARATE
 from rigctl.model.measured.assumed import assumed_when_opened
 from rigctl.model.measured.conditions import variable_units
-from rigctl.model.measured.copies import copies_in, copy_notes
+from rigctl.model.measured.copies import copies_in, copy_notes, each_once
 from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements
@@ -97,7 +96,6 @@ def read_runs(
         the runs are not of the model's bench, or a condition selects none or all of the records.
     """
     on_progress("Reading the records")
-    _require_no_copies(runs)
     measurements = read_measurements(model, runs)
     _require_own_readings(measurements)
     _require_moving_readings(measurements)
@@ -122,7 +120,7 @@ def read_runs(
 def _each_once(
     measurements: Measurements, selected: Sequence[int], held: Collection[int]
 ) -> tuple[Measurements, list[int]]:
-    """Return the measurements without records that repeat another one, and the indices of the others.
+    """Return the measurements with each sample once, and the indices of the records that remain.
 
     Of copies, the one that is fitted is kept: what a fit has seen must not judge it.
 
@@ -134,27 +132,15 @@ def _each_once(
     records = measurements.records
     order = [*(index for index in selected if index not in held), *selected]
     copies = copies_in(measurements, order)
-    kept = [index for index in range(len(records)) if index not in copies]
     remarks = tuple(copy_notes(records, copies, held))
-    if held and all(index in copies for index in held):
+    if held and all(index in copies.whole for index in held):
         raise RigctlError(
             "nothing that is held out is unseen: each of these records repeats one that is fitted",
             value=", ".join(records[index].label for index in sorted(held)),
             expected=remarks[0],
         )
-    return replace(measurements.only(kept), notes=(*remarks, *measurements.notes)), kept
-
-
-def _require_no_copies(runs: Sequence[Run]) -> None:
-    """Refuse runs with the same measurements: counted twice, every misfit would seem surer than it is."""
-    _, copies = without_copies(runs)
-    for copy, original in copies:
-        raise RigctlError(
-            f"it holds the same measurements as {original.id}",
-            value=copy.id,
-            expected="each measurement once",
-            hint="Give one of the two",
-        )
+    once, kept = each_once(measurements, copies)
+    return replace(once, notes=(*remarks, *measurements.notes)), kept
 
 
 def _require_moving_readings(measurements: Measurements) -> None:

@@ -120,7 +120,7 @@ class StandstillDetector:
         self._ends = (min(self._ends[0], float(values.min())), max(self._ends[1], float(values.max())))
 
     def _add_stretches(self, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
+        starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
         ends = np.append(starts[1:], values.size)
         told = ends - starts >= _STORED
         told[[0, -1]] = True  # they may continue in the piece before or after

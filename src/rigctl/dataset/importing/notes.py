@@ -41,7 +41,7 @@ def notes(result: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]
         )
         yield f"{remark}: was the sensor stuck?"
     for copy, original in copies_in(result):
-        yield f"{copy} has the same samples as {original}; count only one of them: --only 'record != …'"
+        yield f"{copy} has the same samples as {original}: an analysis counts them once"
     broken = [record for record in result.records if record.gap is not None]
     if broken:
         worst = max(broken, key=lambda record: record.gap.length if record.gap else 0.0)

@@ -127,7 +127,7 @@ def _refuse_copies(source: Source, found: Survey) -> None:
             f"{copy} has the same samples as {original}",
             expected="each measurement once",
             hint="Leave one of them out, for instance one of two files; '--keep-good' imports both, with a "
-            "remark, and --only then selects one of them in an analysis",
+            "remark, and an analysis counts them once",
             where=Location(source.path),
         )
 
