@@ -103,8 +103,7 @@ def _parts(
 
 def _all_known(record: MeasuredRecord, shared: Integers) -> bool:
     """Whether hardly anything remains of a record without these samples."""
-    rest = record.here.any(axis=1)
-    rest[shared] = False
+    rest = record.here.any(axis=1) & ~np.isin(np.arange(record.times.size), shared)
     return bool(rest.sum() <= (1.0 - _SAME) * rest.size)
 
 
