@@ -16,7 +16,7 @@ _SECTIONS = {
     "design": ("compare", "diagnose", "design"),
     "discover": ("compare", "diagnose", "discover"),
     "learn": ("compare", "diagnose", "design", "learn"),
-    "demo": ("compare", "diagnose", "design", "discover", "learn", "demo"),
+    "demo": ("compare", "diagnose", "design", "demo"),
     "compensate": ("compare", "compensate"),
     "survey": ("compare", "survey"),
     "run": ("run, simulate, resume",),

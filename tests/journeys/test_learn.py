@@ -12,7 +12,7 @@ from rigctl.cli.commands.init import create_project
 
 pytestmark = pytest.mark.usefixtures("small_search", "inside")
 
-#: the demo of test_demo.py by other commands, which give the same data
+#: a small leak, which the campaign leaves ambiguous
 CAMPAIGN = (
     *("procedures/campaign.yaml", "-a", "temperatures=20 degC, 60 degC, 80 degC"),
     *("-a", "pressures=20 bar, 35 bar, 50 bar", "--seed", "1", "--hold-out", "oil == 60 degC"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from shlex import quote
 
 from rich.markup import escape
 
@@ -13,6 +14,23 @@ from rigctl.command_line import DataOptions, analysis
 def show_next(command: str, why: str) -> None:
     """Show the command, and below it what it does."""
     console().print(f"\nNext: [bold]{escape(command)}[/]\n  {escape(why)}", soft_wrap=True)
+
+
+def enter_environment() -> str:
+    """``source .venv/bin/activate && `` where the shell would not find this rigctl, else ""."""
+    import os
+    import shutil
+    import sys
+    from pathlib import Path
+
+    scripts = Path(sys.prefix) / ("Scripts" if os.name == "nt" else "bin")
+    found = shutil.which("rigctl")
+    if sys.prefix == sys.base_prefix or (found and Path(found).parent.absolute() == scripts.absolute()):
+        return ""
+    script = scripts / "activate"
+    if Path.cwd() in script.parents:
+        script = script.relative_to(Path.cwd())
+    return f"{script} && " if os.name == "nt" else f"source {quote(str(script))} && "
 
 
 def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None, *own: str) -> str:

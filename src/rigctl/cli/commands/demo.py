@@ -1,9 +1,11 @@
-"""`rigctl demo`: the whole workflow on the simulated bench, up to a model that agrees, and a page."""
+"""`rigctl demo`: the stroke falls, the textbook says it rises, and what is missing is found."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,23 +15,20 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from rigctl.analysis.comparison_result import Comparison
+    from rigctl.analysis.improve import Improvement
     from rigctl.dataset import Run
-    from rigctl.design.result import DesignResult
-    from rigctl.learning.result import Learned, Round
 
+_PUBLISHED = Path("data") / "hl32-strokes.csv"
+_RIG = Path("rigs") / "hl32-bench.yaml"
 _PROCEDURE = Path("procedures") / "campaign.yaml"
 _MODEL = Path("models") / "hl32-textbook.yaml"
 #: name of the copy; for further demos in a folder with a number appended
 _DEMO = "hl32-demo"
-#: effects that the bench may hide, too weak for the campaign to identify; chosen by the seed, so that
-#: a reader of this file does not know which either
-_HIDDEN = (
-    "rod_leakage:conductance=3e-15 m^3",
-    "valve_leakage:conductance=4e-16 m^3",
-)
+#: what the simulated bench hides: one of the four effects that the published strokes cannot tell apart
+_HIDDEN = "valve_delay_thermal:coefficient=1.8 ms/K"
+#: every other temperature of the campaign: enough, in half the time
+_TEMPERATURES = "20 degC, 40 degC, 60 degC, 80 degC"
 _HELD_OUT = "oil == 60 degC"
-#: rounds of learning, the campaign included
-_ROUNDS = 3
 
 
 def demo(
@@ -37,68 +36,96 @@ def demo(
         Path, typer.Argument(help="Project folder to work in; created if it does not exist.")
     ] = Path("rigctl-demo"),
     show: Annotated[bool, typer.Option("--open", help="Open the page in the browser at the end.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed for the noise and the hidden effect.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed for the noise.")] = 1,
     plain: Annotated[
         bool, typer.Option("--plain", help="Hide nothing: run only the campaign and write its page.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Run the published campaign on a bench with a hidden effect, identify the effect, and add it to the
-    model.
+    """Tell the published story: the measured stroke falls as the oil warms, the textbook model says it rises;
+    find the missing effect, and add it to the model.
 
-    The bench heats its oil from 20 to 80 degC and strokes its cylinder at four pressures: about fifty
-    minutes of bench time, in seconds. The campaign leaves several explanations of why the textbook model is
-    wrong. The records that distinguish them are designed and measured, and their predicted power is compared
-    with the result; effects that are significant are added, and checked at a temperature that the fit did
-    not use. Every call makes new runs, and a copy of the model for them; nothing is overwritten.
+    The eight strokes of the publication leave four explanations open; which record would decide is stated.
+    The simulated bench hides an effect too. It heats its oil from 20 to 80 degC and strokes its cylinder at
+    four pressures, recorded over time: three quarters of an hour of bench time, in seconds. What is found is
+    added to the model and checked at a temperature that no fit has seen. Every call makes new runs, and a
+    copy of the model for them; nothing is overwritten.
 
     Example: rigctl demo my-demo --open
     """
     from rich.console import Console
     from rich.markup import escape
 
-    from rigctl.cli.commands.init import create_project
     from rigctl.files.write import to_json
 
     console = Console(stderr=as_json, highlight=False)
     if (directory / "rigctl.toml").exists():
         console.print(f"[bold]1[/] Using the project that is already in {escape(str(directory))}")
     else:
-        create_project(directory)
         console.print(f"[bold]1[/] A project folder with the published bench: {escape(str(directory))}")
-    console.print(f"[bold]2[/] The campaign on the simulated bench: {_PROCEDURE}")
-    run, seconds = _simulate(directory, seed, None if plain else _HIDDEN[seed % len(_HIDDEN)])
-    console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
-    _show_strokes(console, run)
-    document: dict[str, object] = {"project": str(directory), "run": run.id}
+        from rigctl.cli.commands.init import create_project
+
+        create_project(directory)
     if plain:
-        page = directory / f"{run.id}.html"
-        size = _write_page(run, page)
+        document, page, size = _plain(directory, seed, console)
     else:
-        hidden = _HIDDEN[seed % len(_HIDDEN)]
-        model = _own_model(directory)
-        page = directory / f"{model.stem}.html"
-        compared = _compare(model, run, console)
-        learned = _learn(directory, model, run, seed, hidden, console)
-        first = learned.rounds[0]
-        document |= {
-            "model": str(model),
-            "verdict": first.verdict,
-            "effects": list(first.effects),
-            "classes": [list(names) for names in first.classes],
-            "hidden": hidden.partition(":")[0],
-            "learned": learned.document(),
-        }
-        size = _write_story(directory, learned, page, compared, model, hidden)
-    console.print(
-        f"[bold]{3 if plain else 6}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)"
-    )
+        document, page, size = _story(directory, seed, console)
+    document = {"project": str(directory), **document, "page": str(page), "bytes": size}
     if as_json:
-        echo_json(to_json(document | {"page": str(page), "bytes": size}))
+        echo_json(to_json(document))
     if show:
         typer.launch(str(page))
     elif not as_json:
-        console.print(f"\nNext: open it, then  cd {escape(str(directory))} && rigctl check {_PROCEDURE}")
+        _show_next(console, directory, page)
+
+
+def _plain(directory: Path, seed: int, console: Console) -> tuple[dict[str, object], Path, int]:
+    """The whole campaign with nothing hidden, and its page."""
+    from rigctl.report import write_report
+
+    console.print(f"[bold]2[/] The campaign on the simulated bench: {_PROCEDURE}")
+    run = _simulate(directory, seed, console)
+    page = directory / f"{run.id}.html"
+    size = write_report([run], page).size
+    _say_page(console, 3, page, size)
+    return {"run": run.id}, page, size
+
+
+def _story(directory: Path, seed: int, console: Console) -> tuple[dict[str, object], Path, int]:
+    """The published strokes, the bench that hides one of their explanations, and what is found there."""
+    model = _own_model(directory)
+    console.print(f"[bold]2[/] The published strokes, eight numbers: {_PUBLISHED}")
+    published = _published(directory, model, console)
+    with _asking(directory, model, published) as answer:
+        console.print(
+            f"[bold]3[/] A simulated bench, recorded over time; it hides an effect: {_PROCEDURE}",
+            soft_wrap=True,
+        )
+        run = _simulate(
+            directory, seed, console, arguments=(f"temperatures={_TEMPERATURES}",), effects=(_HIDDEN,)
+        )
+        compared, improved = _mend(model, run, console)
+        question = answer()
+    _show_question(question, console)
+    found = _found(improved, model)
+    _show_found(compared, improved, found, console)
+    page = directory / f"{model.stem}.html"
+    size = _write_page(page, run, (compared, improved), (published, question), model, found)
+    _say_page(console, 7, page, size)
+    return (
+        {
+            "published": published.runs[0],
+            "run": run.id,
+            "model": str(model),
+            "question": question,
+            "verdict": improved.first.verdict,
+            "effects": list(improved.first.effects),
+            "hidden": _HIDDEN.partition(":")[0],
+            "improved": improved.document(),
+        },
+        page,
+        size,
+    )
 
 
 def _own_model(directory: Path) -> Path:
@@ -117,70 +144,110 @@ def _own_model(directory: Path) -> Path:
     raise AssertionError("there is always a number that is free")
 
 
-def _compare(path: Path, run: Run, console: Console) -> Comparison:
-    """Compare the textbook model with the campaign."""
-    from rich.markup import escape
+def _published(directory: Path, model: Path, console: Console) -> Comparison:
+    """The published strokes, imported and compared with the textbook."""
+    from rigctl.dataset import open_run
+    from rigctl.dataset.importing import import_file
+    from rigctl.rig import load_rig
 
+    imported = import_file(directory / _PUBLISHED, load_rig(directory / _RIG), directory / "runs")
+    return _compare(open_run(imported.path), model, console)
+
+
+def _compare(run: Run, model: Path, console: Console, hold_out: str | None = None) -> Comparison:
+    """A run compared with a model, and the direction in which that is wrong."""
     from rigctl.analysis.comparison import compare
     from rigctl.cli.progress import progress_display
     from rigctl.model import load_model
 
     with progress_display() as on_progress:
-        compared = compare([run], [load_model(path)], hold_out=_HELD_OUT, on_progress=on_progress)
-    console.print(f"[bold]3[/] The textbook model compared with the measurements: {escape(str(path))}")
-    console.print(f"  {escape(compared.models[0].statement)}", soft_wrap=True)
+        compared = compare([run], [load_model(model)], hold_out=hold_out, on_progress=on_progress)
+    wrong = [one.text for one in compared.models[0].trends if one.wrong_sign and one.matters]
+    statement = f"wrong direction: {wrong[0]}" if wrong else compared.models[0].statement
+    console.print(f"  {statement}", markup=False, soft_wrap=True)
     return compared
 
 
-def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, console: Console) -> Learned:
-    """The steps after the campaign: the open question, the designed records, and their result."""
-    from rich.markup import escape
+@contextmanager
+def _asking(directory: Path, model: Path, published: Comparison) -> Iterator[Callable[[], dict[str, Any]]]:
+    """Diagnose the published strokes in another process meanwhile: the other core has nothing to do. Yields a
+    function that waits for the diagnosis, as ``rigctl diagnose --json`` prints it."""
+    import json
+    import subprocess
 
+    from rigctl.child_process import module_command
     from rigctl.cli.progress import progress_display
-    from rigctl.learning.bench import LaunchedBench
-    from rigctl.learning.keep import Kept, Task
-    from rigctl.learning.learn import Learner
-    from rigctl.learning.result import round_text
-    from rigctl.runner.simulation import simulation_launch
+    from rigctl.errors import RigctlError
 
-    runs = directory / "runs"
-    task = Task(
-        procedure=str((directory / _PROCEDURE).absolute()),
-        model=str(model.absolute()),
-        version=1,
-        runs=(run.id,),
-        rounds=_ROUNDS,
-        hold_out=_HELD_OUT,
+    command = module_command(
+        "rigctl",
+        *("diagnose", published.runs[0], "--model", str(model.relative_to(directory)), "--json"),
     )
-    bench = LaunchedBench(
-        how=lambda plan, number: simulation_launch(plan, runs, seed=seed + number - 1, effects=(hidden,))
+    with subprocess.Popen(  # noqa: S603 - our own program
+        command, cwd=directory, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
+
+        def answer() -> dict[str, Any]:
+            with progress_display() as on_progress:
+                on_progress("Diagnosing the published strokes")
+                printed, _ = process.communicate()
+            if process.returncode:
+                raise RigctlError(
+                    "the published strokes were not diagnosed", hint=f"'{' '.join(command[3:])}'"
+                )
+            return dict(json.loads(printed))
+
+        try:
+            yield answer
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+def _mend(path: Path, run: Run, console: Console) -> tuple[Comparison, Improvement]:
+    """The textbook compared with the campaign, and what it lacks added as its next version."""
+    from rigctl.analysis.improve import improve
+    from rigctl.cli.progress import progress_display
+
+    console.print(f"[bold]4[/] The textbook model compared with it: {path}")
+    compared = _compare(run, path, console, _HELD_OUT)
+    with progress_display() as on_progress:
+        return compared, improve(compared, path, sure=True, on_progress=on_progress)
+
+
+def _show_question(question: Mapping[str, Any], console: Console) -> None:
+    """What the published strokes leave open, and which record would decide."""
+    rivals = question["classes"][0]
+    console.print("[bold]5[/] What single strokes leave open")
+    console.print(
+        f"  the eight published ones cannot tell which of {len(rivals)} effects it is: {', '.join(rivals)}",
+        soft_wrap=True,
     )
-
-    def proposed(proposal: Round, design: DesignResult) -> bool:
-        console.print(f"[bold]4[/] What to measure next: {escape(proposal.procedure)}")
-        console.print(f"  {escape(design.statement)}", soft_wrap=True)
-        return True
-
-    def judged(one: Round) -> None:
-        console.print(f"  {escape(round_text(one))}", soft_wrap=True)
-
-    session = Kept.create(directory, task, "demo")
-    learned = Learner(session, bench, runs, proposed, working=progress_display, on_round=judged).learn()
-    console.print(f"[bold]5[/] The result, evaluated also on records that no fit saw ({_HELD_OUT})")
-    console.print(f"  {escape(learned.statement)}", soft_wrap=True)
-    answer = _effects_text(learned, model)
-    console.print(f"  hidden: {escape(hidden)}; found: [bold]{escape(answer)}[/]", soft_wrap=True)
-    return learned
+    for step in question["next_steps"][:2]:
+        console.print(f"  what decides: {step}", markup=False, soft_wrap=True)
 
 
-def _effects_text(learned: Learned, model: Path) -> str:
+def _show_found(compared: Comparison, improved: Improvement, found: str, console: Console) -> None:
+    """What was added, the error of the stroke before and after, and what was hidden."""
+    from rigctl.report.analysis.stroke_over_temperature import held_out_strokes
+
+    console.print("[bold]6[/] What strokes recorded over time tell, added to the model as its next version")
+    console.print(f"  {improved.statement}", markup=False, soft_wrap=True)
+    if improved.steps:
+        unseen = held_out_strokes(compared.models[0], improved.steps[-1].comparison)
+        console.print(f"  {unseen} ({_HELD_OUT})", markup=False, soft_wrap=True)
+    console.print(f"  hidden: {_HIDDEN}", markup=False, soft_wrap=True)
+    console.print(f"  found:  {found}", markup=False, soft_wrap=True)
+
+
+def _found(improved: Improvement, model: Path) -> str:
     """The added effects with their sizes, in the form of ``--with``; otherwise how it ended."""
     from rigctl.model import load_model
     from rigctl.units import parse_unit, with_uncertainty
 
     effects = load_model(model).effects
     parts = []
-    for name in learned.added:
+    for name in (name for step in improved.steps for name in step.effects):
         sizes = []
         for key, one in effects[name].items():
             unit = parse_unit(one.unit or "1")
@@ -188,33 +255,41 @@ def _effects_text(learned: Learned, model: Path) -> str:
                 f"{key}={with_uncertainty(one.si / unit.factor, (one.std or 0.0) / unit.factor, unit.text)}"
             )
         parts.append(f"{name}:{','.join(sizes)}")
-    return " and ".join(parts) or learned.ended.value.replace("_", " ")
+    return " and ".join(parts) or improved.ended.value.replace("_", " ")
 
 
-def _write_story(
-    directory: Path, learned: Learned, page: Path, compared: Comparison, model: Path, hidden: str
+def _write_page(
+    page: Path,
+    run: Run,
+    mended: tuple[Comparison, Improvement],
+    asked: tuple[Comparison, Mapping[str, Any]],
+    model: Path,
+    found: str,
 ) -> int:
-    """The page: what was learnt, how the error fell, where the textbook failed, and the hidden effect."""
-    from rigctl.cli.analysis_page import named_versions
-    from rigctl.dataset import find_run, open_run
+    """The page: the picture, how the error fell, what single strokes leave open, and the hidden effect."""
     from rigctl.report import write_report
-    from rigctl.report.analysis import comparison_sections, hidden_section, learning_sections
+    from rigctl.report.analysis import hidden_section, improvement_sections, question_section
 
-    names = [*compared.runs, *(one.run for one in learned.rounds if one.run)]
-    runs = [open_run(find_run(name, directory / "runs")) for name in dict.fromkeys(names)]
-    versions = named_versions(runs, model, 1, hold_out=_HELD_OUT)
+    top, *rest = improvement_sections(*mended, model)
+    added = tuple(name for step in mended[1].steps for name in step.effects)
     sections = [
-        *learning_sections(learned, model, versions),
-        *comparison_sections(compared, answered=True),
-        hidden_section(
-            hidden, _effects_text(learned, model), right=learned.added == (hidden.partition(":")[0],)
-        ),
+        top,
+        question_section(asked[0].models[0], asked[1]),
+        *rest,
+        hidden_section(_HIDDEN, found, right=added == (_HIDDEN.partition(":")[0],)),
     ]
-    return write_report(runs, page, sections=sections).size
+    return write_report([run], page, sections=sections).size
 
 
-def _simulate(directory: Path, seed: int, hidden: str | None) -> tuple[Run, float]:
-    """The campaign as a new run of the project, and the wall time it took."""
+def _simulate(
+    directory: Path,
+    seed: int,
+    console: Console,
+    *,
+    arguments: tuple[str, ...] = (),
+    effects: tuple[str, ...] = (),
+) -> Run:
+    """The campaign as a new run of the project."""
     import time
 
     from rigctl.cli.plans import open_plan
@@ -225,15 +300,18 @@ def _simulate(directory: Path, seed: int, hidden: str | None) -> tuple[Run, floa
     from rigctl.runner.simulation import simulation_launch
 
     start = time.perf_counter()
-    effects = () if hidden is None else (hidden,)
-    plan = open_plan(directory / _PROCEDURE)
+    plan = open_plan(directory / _PROCEDURE, arguments=arguments)
     with view(plan) as display:
         result = launch(
             plan, simulation_launch(plan, directory / "runs", seed=seed, effects=effects, observer=display)
         )
     if result.exit_code != ExitCode.DONE or result.folder is None:
         raise RigctlError("the campaign did not finish", value=result.reason, exit_code=result.exit_code)
-    return open_run(result.folder), time.perf_counter() - start
+    run = open_run(result.folder)
+    seconds = time.perf_counter() - start
+    console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
+    _show_strokes(console, run)
+    return run
 
 
 def _show_strokes(console: Console, run: Run) -> None:
@@ -247,7 +325,17 @@ def _show_strokes(console: Console, run: Run) -> None:
     console.print(table)
 
 
-def _write_page(run: Run, page: Path) -> int:
-    from rigctl.report import write_report
+def _say_page(console: Console, number: int, page: Path, size: int) -> None:
+    from rich.markup import escape
 
-    return write_report([run], page).size
+    console.print(f"[bold]{number}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)")
+
+
+def _show_next(console: Console, directory: Path, page: Path) -> None:
+    """The next commands, as they work in the shell that this one was typed in."""
+    from rich.markup import escape
+
+    from rigctl.cli.next_command import enter_environment
+
+    console.print(f"\nNext: open {escape(str(page))} in a browser, then")
+    console.print(f"  {enter_environment()}cd {escape(str(directory))} && rigctl serve", soft_wrap=True)

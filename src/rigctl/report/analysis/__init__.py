@@ -8,6 +8,7 @@ from rigctl.report.analysis.discovery import discovery_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.improvement import improvement_sections
 from rigctl.report.analysis.learning import hidden_section, learning_sections
+from rigctl.report.analysis.question import question_section
 from rigctl.report.analysis.survey import survey_sections
 
 __all__ = [
@@ -20,5 +21,6 @@ __all__ = [
     "history_sections",
     "improvement_sections",
     "learning_sections",
+    "question_section",
     "survey_sections",
 ]

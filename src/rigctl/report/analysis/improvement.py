@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from markupsafe import Markup
+
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.diagnosis_result import Verdict
@@ -15,8 +17,10 @@ from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.held_out import unseen_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.page_top import NamedModels, answer_section
+from rigctl.report.analysis.stroke_over_temperature import held_out_strokes, stroke_plot
 from rigctl.report.diagnosis_answer import improvement_answer
-from rigctl.report.section import Section, render
+from rigctl.report.plot import Plot
+from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 from rigctl.report.systematic import left_of
 
@@ -82,4 +86,21 @@ def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Pa
             for step in improved.steps
         ],
     )
-    return replace(top, id="improvement", body=top.body + reasons)
+    picture, drawn = _wrong_direction(first, last)
+    return replace(top, id="improvement", body=picture + top.body + reasons, plots=(*drawn, *top.plots))
+
+
+def _wrong_direction(first: ModelComparison, last: ModelComparison) -> tuple[Markup, tuple[Plot, ...]]:
+    """Where the original model changes the other way than what was measured: that first, with its picture."""
+    wrong = [one for one in first.trends if one.wrong_sign and one.matters]
+    plot = stroke_plot((first, last), "answer-stroke") if wrong else None
+    if plot is None:
+        return Markup(), ()
+    body = render(
+        "wrong_direction.html",
+        sentence=f"wrong direction: {wrong[0].text}",
+        plot=plot_slot(plot),
+        caption=f"Stroke against temperature: measured (markers), {first.name} (dotted), {last.name} (lines)",
+        unseen=held_out_strokes(first, last),
+    )
+    return body, (plot,)

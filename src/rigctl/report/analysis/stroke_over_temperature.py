@@ -9,7 +9,7 @@ import numpy as np
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.conditions import variable_units
-from rigctl.report.numbers import symbol
+from rigctl.report.numbers import plural, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit, significant
@@ -46,6 +46,27 @@ def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") ->
     caption = "Stroke against temperature: measured (markers) and model (lines)"
     panel = Panel(f"stroke [{symbol(unit)}]", tuple(traces), height=2.4)
     return Plot(key, caption, x_title, (panel,))
+
+
+def held_out_strokes(before: ModelComparison, after: ModelComparison) -> str:
+    """How far two models are off the strokes of records that no fit saw (root of the mean square); "" where
+    there are none."""
+    problem = before.fit.problem
+    held_out = before.fit.held_out
+    if "position" not in problem.measurements.outputs or not held_out:
+        return ""
+    column = problem.measurements.outputs.index("position")
+    unit = parse_unit(problem.measurements.units[column])
+
+    def error(model: ModelComparison) -> str:
+        misses = [
+            _stroke(model, k, column, measured=False) - _stroke(model, k, column, measured=True)
+            for k in held_out
+        ]
+        return f"{significant(float(np.sqrt(np.nanmean(np.square(misses)))) / unit.factor, 2)} {unit.text}"
+
+    records = plural(len(held_out), "record")
+    return f"error of the stroke on {records} that no fit saw: {error(before)} before, {error(after)} after"
 
 
 def _groups(problem: Problem, hot: str, units: dict[str, str]) -> list[tuple[str, list[int]]]:

@@ -59,7 +59,7 @@ def build(runs: Sequence[RunData]) -> Section | None:
     points = min(max(_MOST_VALUES // values, _FEWEST_POINTS), _MOST_POINTS)
     parts, plots = [], []
     for number_of_run, run in enumerate(runs):
-        if run.records:
+        if run.records and run.signals:  # a table of single values has rows, and nothing over time
             part, drawn = _run_records(run, f"r{number_of_run}", points)
             parts.append(part)
             plots.extend(drawn)
