@@ -39,7 +39,7 @@ system:
 	sh tools/install-system-packages chromium libsimavr2 gcc-avr binutils-avr avr-libc
 
 bench: $(VENV)/.installed
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[benchmarks]'
+	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --constraint constraints.txt --editable '.[benchmarks]'
 	$(BIN)/python -m benchmarks
 
 # Hours of random damage; its minute is among the tests. SEED and what it takes are printed with what was found.
@@ -62,8 +62,9 @@ explore: $(VENV)/.installed-dev
 docs: $(VENV)/.installed-dev
 	$(BIN)/python tools/generate_docs.py
 
-# The pictures of the workbench, taken anew on all records of the tutorial; a test says when they are out of date.
+# The pictures of README, and those of the workbench, taken anew on all records of the tutorial; a test says when they are out of date.
 pictures: $(VENV)/.installed-dev
+	$(BIN)/python tools/readme_pictures.py
 	$(BIN)/python tools/workbench_pictures.py
 
 # The site of the documentation, in build/site: `rigctl serve` shows it, and it opens from its folder.
@@ -72,30 +73,33 @@ site: $(VENV)/.installed-dev
 
 # A wheel with the site in it, in dist.
 wheel: $(VENV)/.installed-dev
-	HATCH_BUILD_HOOK_ENABLE_CUSTOM=true $(BIN)/python -m build --wheel
+	$(BIN)/python -m build --wheel
 
 # Python brings the pip of its own release; a newer one resolves and unpacks in half the processor time.
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "rigctl needs Python 3.11 or newer")'
+	@echo "Making a Python environment in $(VENV)"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade --constraint constraints.txt pip
 
 # Both install the versions that constraints.txt names: what was tested is what runs.
+# With the site of the documentation, for which pip gets its builder into a folder of its own.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable .
+	@echo "Installing rigctl and what it needs into $(VENV): 0.6 GB, one or two minutes"
+	$(BIN)/pip install --progress-bar on --constraint constraints.txt --editable .
 	touch $@
 
 # The tests import a small part of what is installed, and Python compiles that by itself; all of it would take most
 # of the installation.
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
-	$(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
+	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
 	touch $@ $(VENV)/.installed
 
 # The newest versions that pyproject.toml allows, tried in an environment of their own, become the named ones.
 constraints:
 	rm -rf build/newest && $(PYTHON) -m venv build/newest
 	build/newest/bin/python -m pip install --quiet --upgrade pip
-	build/newest/bin/pip install --quiet --editable '.[dev,benchmarks]'
+	HATCH_BUILD_NO_HOOKS=true build/newest/bin/pip install --quiet --editable '.[dev,benchmarks]'
 	(sed -n '/^#/p' constraints.txt && build/newest/bin/pip freeze --all --exclude-editable) > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 

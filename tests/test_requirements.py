@@ -16,9 +16,13 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 #: import name where it is another than the package's
 IMPORTED = {"pyserial": "serial", "ruamel.yaml": "ruamel", "npTDMS": "nptdms", "FMPy": "fmpy"}
 #: extra -> what is installed along and found by another package
-ALONG = {"visa": {"pyvisa-py"}, "storage": {"s3fs"}, "web": {"uvicorn", "websockets"}}
+ALONG = {"visa": {"pyvisa-py"}, "storage": {"s3fs"}}
+#: required, and found by another package
+FOUND = {"websockets"}  # by uvicorn
 #: for whom works on rigctl, not for whom works with it
 OURS = {"dev", "benchmarks"}
+#: every extra for whom works with it
+ALL = "all"
 
 
 def name_of(requirement: str) -> str:
@@ -42,7 +46,7 @@ def imported() -> set[str]:
 
 
 def test_every_required_package_is_imported(imported: set[str]) -> None:
-    required = {name_of(one) for one in PROJECT["dependencies"]}
+    required = {name_of(one) for one in PROJECT["dependencies"]} - FOUND
     assert {name for name in required if IMPORTED.get(name, name) not in imported} == set()
 
 
@@ -50,7 +54,9 @@ def test_every_extra_is_listed_by_doctor_and_imported(imported: set[str]) -> Non
     offered = {
         extra: {IMPORTED.get(name_of(one), name_of(one)) for one in requirements}
         for extra, requirements in PROJECT["optional-dependencies"].items()
-        if extra not in OURS
+        if extra not in OURS and extra != ALL
     }
     assert {extra: {module, *ALONG.get(extra, ())} for module, extra, _ in _EXTRAS} == offered
+    (everything,) = PROJECT["optional-dependencies"][ALL]
+    assert set(re.findall(r"\w+", everything.partition("[")[2])) == set(offered)
     assert set().union(*offered.values()) <= imported | set().union(*ALONG.values())

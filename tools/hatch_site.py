@@ -1,7 +1,4 @@
-"""Adds the documentation site to a wheel, for `make wheel`.
-
-Not by default: an installation from a checkout would need the site's builder, and has `make site`.
-"""
+"""Adds the documentation site to a wheel; an editable installation gets it in ``build/site`` of its checkout."""
 
 from __future__ import annotations
 
@@ -19,10 +16,12 @@ class SiteHook(BuildHookInterface):  # type: ignore[type-arg, misc]
     PLUGIN_NAME = "custom"
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        if version == "editable":
-            return
         sys.path.insert(0, str(Path(self.root) / "tools"))
         from make_site import make_site
+
+        if version == "editable":
+            make_site(Path(self.root) / "build" / "site")
+            return
 
         # a folder of its own: another process may be reading or making the site of the checkout
         self.folder = tempfile.TemporaryDirectory(prefix="rigctl-wheel-")

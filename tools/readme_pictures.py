@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 _DOCS = Path(__file__).parents[1] / "docs"
-_WIDTH = 100
+_WIDTH = 104
 #: time from line to line, s
 _EVERY = 0.35
 _FONT = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # would be fetched from another server

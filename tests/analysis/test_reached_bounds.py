@@ -11,6 +11,9 @@ from oven import CONDUCTANCE, HEAT_CAPACITY, oven_project
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.errors import RigctlError
+from rigctl.model.fit import reached_bounds
+from rigctl.model.fit.fit import FitResult
 
 FREE = {"heat_capacity": "100 J/K", "conductance": "1.5 W/K", "room": "20 degC"}
 FIRST = "heat_capacity ended at its upper bound, 124 J/K: widen it first"
@@ -92,3 +95,16 @@ def test_commands_print_it_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert [one["parameter"] for one in fitted["bounds"]] == ["heat_capacity"]
     assert answer("compare", "latest", "--model", "models/oven.yaml")["bounds"] == fitted["bounds"]
     assert FIRST in told("model", "fit", "models/oven.yaml", "latest")
+
+
+def test_bounds_beyond_which_the_model_cannot_be_simulated_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, model = oven_project(tmp_path, FREE)
+    (found,) = compare([run], [model]).models
+    monkeypatch.setattr(reached_bounds, "beyond_defaults", lambda fitted: fitted.problem.shared)
+
+    def impossible(*_: object) -> FitResult:
+        raise RigctlError("the model has no value at the start of the fit")
+
+    assert reached_bounds.with_wider_bounds(found.fit, impossible) is found.fit

@@ -31,7 +31,6 @@ _EXTRAS = (
     ("fmpy", "fmu", "runs FMUs beside a model"),
     ("distributed", "cluster", "sends independent tasks to a Dask cluster: --cluster"),
     ("pymodbus", "modbus", "communicates with devices that have Modbus registers"),
-    ("starlette", "web", "shows the project in a browser: rigctl serve"),
 )
 
 

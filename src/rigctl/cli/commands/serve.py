@@ -51,7 +51,6 @@ def serve(
 
       rigctl serve ~/benches/press --port 9000 --no-browser
     """
-    require_web()
     from rigctl.project import find_project
     from rigctl.web.browser import can_open, open_browser
     from rigctl.web.server import Settings, serve
@@ -92,20 +91,6 @@ def _input_ended() -> Callable[[], bool]:
 
     threading.Thread(target=read, name="input", daemon=True).start()
     return ended.is_set
-
-
-def require_web() -> None:
-    """Refuse without the packages that a served page needs.
-
-    Raises
-    ------
-    RigctlError
-        they are not installed; the message states how to install them.
-    """
-    from importlib.util import find_spec
-
-    if not all(find_spec(module) for module in ("starlette", "uvicorn", "websockets")):
-        raise RigctlError("serving a page needs further packages", hint="pip install 'rigctl[web]' gets them")
 
 
 def _file(path: Path | None) -> Path | None:

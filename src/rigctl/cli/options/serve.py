@@ -45,10 +45,8 @@ def shown(*, wanted: bool) -> Iterator[None]:
 
 
 def _begin() -> subprocess.Popen[str] | None:
-    from rigctl.cli.commands.serve import require_web
     from rigctl.project import find_project
 
-    require_web()
     command = module_command("rigctl", "serve", str(find_project().root), "--page", "live")
     # Ctrl-C ends only the command, not the server: the end of a run can be watched too
     group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)

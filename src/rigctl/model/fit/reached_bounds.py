@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from rigctl.engine.least_squares import Unknown
+from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.unknowns import NARROW, WIDE, parameter_unknown
 from rigctl.model.value_table import rounded
@@ -133,13 +134,16 @@ def with_wider_bounds(
 ) -> FitResult:
     """The fit continued beyond the default bounds that hold it; the fit itself if there are none.
 
-    `again` fits the problem of a fit with other shared unknowns.
+    `again` fits the problem of a fit with other shared unknowns. Bounds beyond which that is impossible stay.
     """
     for _ in range(_WIDENINGS):
         shared = beyond_defaults(fitted)
         if shared is None or fitted.solution is None:
             break
-        wider = again(fitted, shared)
+        try:
+            wider = again(fitted, shared)
+        except RigctlError:  # so far out the model cannot be simulated, maybe only on the records held out
+            break
         if wider.solution is None or wider.solution.cost > (1.0 + _NO_WORSE) * fitted.solution.cost:
             break
         fitted = wider

@@ -6,7 +6,7 @@ export const show = async (container) => {
   if (!there) {
     container.replaceChildren(
       h("p", { class: "statement warn" }, "This installation has no documentation in it."),
-      h("p", {}, "In a checkout ", h("code", {}, "make site"), " builds it; a wheel that ", h("code", {}, "make wheel"), " has made carries it."),
+      h("p", {}, "In a checkout ", h("code", {}, "make site"), " builds it."),
     );
     return;
   }
