@@ -17,6 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
 from rigctl.cli.closed_output import has_broken_pipe, is_unread
+from rigctl.cli.complete import complete_values
 from rigctl.cli.echo import echo
 from rigctl.cli.nonblocking_output import ON_A_BENCH, carry_out
 from rigctl.cli.overview import overview
@@ -61,6 +62,7 @@ def load_command(name: str) -> Any:
     command = typer.main.get_command(target)
     command.name = name
     for one in getattr(command, "commands", {}).values() or [command]:
+        complete_values(one)
         one.callback = _with_local_paths(one.callback)
     return command
 

@@ -1,0 +1,59 @@
+"""The shell completes values, as it asks for them: by the environment of its completion script."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rigctl.cli.commands.init import create_project
+from rigctl.dataset.importing import import_file
+
+#: what an installation writes as the file `rigctl`
+SCRIPT = "import sys; sys.argv[0] = 'rigctl'; from rigctl.cli.entry import main; main()"
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bench")
+    create_project(folder)
+    import_file(folder / "data" / "hl32-viscosity.csv", None, folder / "runs")
+    return folder
+
+
+def offered(folder: Path, line: str) -> set[str]:
+    """What bash is offered at the end of a line."""
+    words = line.split(" ")
+    asked = {"_RIGCTL_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", SCRIPT],
+        cwd=folder, env={**os.environ, **asked}, capture_output=True, encoding="utf-8", check=False,
+    )  # fmt: skip
+    assert done.stderr == ""
+    return {one.partition(",")[-1] or one for one in done.stdout.split("\n") if one}
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("rigctl report la", {"latest"}),
+        ("rigctl check --rig rigs/hl32-bench-u", {"rigs/hl32-bench-uno.yaml"}),
+        ("rigctl compare latest --model models/hl32-t", {"models/hl32-textbook.yaml"}),
+        ("rigctl simulate procedures/camp", {"procedures/campaign.yaml"}),
+        ("rigctl calibrate --rig rigs/hl32-bench.yaml oil", {"oil_temperature"}),
+        ("rigctl jog --rig rigs/hl32-bench.yaml val", {"valve"}),
+        ("rigctl model set models/hl32-textbook.yaml moving", {"moving_mass="}),
+        ("rigctl effects show piston", {"piston_leakage", "piston_leakage:conductance="}),
+        ("rigctl compare nothing --model no/such", set()),
+    ],
+)
+def test_values_are_completed(bench: Path, line: str, expected: set[str]) -> None:
+    assert offered(bench, line) == expected
+
+
+def test_runs_are_completed(bench: Path) -> None:
+    (run,) = (bench / "runs").glob("*-hl32-viscosity")
+    assert offered(bench, f"rigctl compare {run.name[:15]}") == {run.name}
