@@ -28,6 +28,8 @@ def main() -> None:
     asked.add_argument("--foreign", type=int, default=10_000)
     asked.add_argument("--loggers", type=int, default=10_000)
     asked.add_argument("--endings", type=int, default=2000)
+    asked.add_argument("--intermittent", type=int, default=1000, help="endings beside a loose contact")
+    asked.add_argument("--restarts", type=int, default=1000, help="endings beside a restart of the device")
     asked.add_argument("--lying", type=int, default=2000, help="endings behind each protocol")
     asked.add_argument("--guarded", type=int, default=80)
     asked.add_argument("--off", type=int, default=5, help="calls of 'rigctl off' of each kind")
@@ -43,8 +45,31 @@ def main() -> None:
             "foreign_files": foreign_files.torture(Path(folder) / "foreign", given.foreign, given.seed),
             "logger_files": asdict(logger_files.torture(Path(folder) / "loggers", given.loggers, given.seed)),
             "endings": asdict(endings.torture(Path(folder) / "endings", given.endings, given.seed, kinds)),
+            "intermittent": asdict(
+                endings.torture(
+                    Path(folder) / "intermittent", given.intermittent, given.seed, kinds, "intermittent"
+                )
+            ),
+            "restarts": asdict(
+                endings.torture(
+                    Path(folder) / "restarts",
+                    given.restarts,
+                    given.seed,
+                    [kind for kind in kinds if kind != "simulated"],
+                    "restart",
+                )
+            ),
             "lying": asdict(
                 lying.torture(Path(folder) / "lying", given.seed, lying.KINDS, iter(range(given.lying)))
+            ),
+            "restarts_behind_protocols": asdict(
+                lying.torture(
+                    Path(folder) / "restarting",
+                    given.seed,
+                    lying.KINDS,
+                    iter(range(given.restarts // len(lying.KINDS))),
+                    lying.RESTARTS,
+                )
             ),
             "guarded": asdict(
                 guarded.torture(

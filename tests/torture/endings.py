@@ -34,8 +34,10 @@ from rigctl.clock import VirtualClock
 from rigctl.dataset import RunWriter, journal, log, open_run, verify, writer
 from rigctl.dataset.disk_thread import BackgroundWriter
 from rigctl.dataset.verification import Condition
+from rigctl.plan.missing import MOST_MISSING, Lack
 from rigctl.rig import Rig
 from run_workshop import Workshop
+from torture.unsteady import LooseContact, Restart
 
 KINDS = ("simulated", "emulated", "lines")
 #: s, the earliest and the latest moment of a disturbance
@@ -47,6 +49,8 @@ SIGNAL_BOUND = {"simulated": 0.12, "emulated": 0.12, "lines": 0.6}
 WATCHDOG_BOUND = 1.6
 #: s of samples that an ending may cost
 LOSS_BOUND = 1.0
+#: s before the end of a run in which nothing is read back any more: a restart then is not noticed
+_UNSEEN = 0.05
 #: s of wall time after which a trial hangs
 _HANGS = 300.0
 
@@ -126,8 +130,11 @@ _BESIDE = {
 }
 
 
-def draw(seed: str, kind: str) -> Trial:
-    """A trial: one thing that may end the run, and often another one beside it, mostly soon after."""
+def draw(seed: str, kind: str, beside: str = "") -> Trial:
+    """A trial: one thing that may end the run, and often another one beside it, mostly soon after.
+
+    With one of `unsteady.BESIDE`, that happens at some moment too.
+    """
     rng = random.Random(seed)
     first, last = MOMENTS[kind]
     begin = rng.uniform(first, last)
@@ -142,9 +149,13 @@ def draw(seed: str, kind: str) -> Trial:
     if rng.random() < 0.5:
         begin = max(first, begin + rng.choice((rng.uniform(0.0, 0.3), rng.uniform(-2.0, 2.0))))
         # a disk's thread does not keep pace with virtual time, so that a kill would cost it more than it does
-        beside = [what for what in _BESIDE[kind] if chosen[0].what != "kill" or "disk" not in what]
-        chosen.append(make(rng.choice(beside), begin))
-    return Trial(seed, kind, tuple(chosen), rng.random() < 0.5)
+        others = [what for what in _BESIDE[kind] if chosen[0].what != "kill" or "disk" not in what]
+        chosen.append(make(rng.choice(others), begin))
+    retries = rng.random() < 0.5
+    if beside:
+        moment = random.Random(f"{seed} {beside}").uniform(first, last)
+        chosen.append(Disturbance(beside, round(moment, 4), 1e6))
+    return Trial(seed, kind, tuple(chosen), retries)
 
 
 # --- the run, in a process of its own ---
@@ -160,6 +171,14 @@ class _Disturbed:
         self.rng = random.Random(f"{trial.seed} noise")
         self.given: list[float] = []  # time of each sample that the run was given
         self.facts: dict[str, Any] = {}
+        self.loose = next(
+            (
+                LooseContact.drawn(trial.seed, trial.kind, one.begin)
+                for one in trial.disturbances
+                if one.what == "intermittent"
+            ),
+            None,
+        )
 
     def carry_out(self) -> None:
         rig = self._rig()
@@ -170,7 +189,7 @@ class _Disturbed:
         self.facts["opened"] = self.clock.now()
         plan = self.stand.workshop.plan(self.trial.steps, rig)
         recorder = RunWriter.create(self.folder / "runs", self.stand.workshop.header(plan, bench))
-        self._tap(bench)
+        self._tap(bench, rig)
         kept = recorder if not self.trial.has("slow_disk", "full_disk") else BackgroundWriter(recorder)
         try:
             done = self.stand.workshop.run(self.trial.steps, rig=rig, backend=bench, writer=kept)
@@ -194,11 +213,16 @@ class _Disturbed:
         (self.folder / "witness.json").write_text(json.dumps(self.facts), encoding="utf-8")
 
     def _rig(self) -> Rig:
-        if self.trial.kind != "lines":
-            return self.stand.rig()
-        return self.stand.rig(("stale_after: 5 s", "stale_after: 2 s"))
+        changes = [("stale_after: 5 s", "stale_after: 2 s")] if self.trial.kind == "lines" else []
+        rig = self.stand.rig(*changes)
+        if self.loose is None:
+            return rig
+        self.facts["stops"] = self.loose.due(rig, self.trial.kind)
+        return self.loose.rig(rig)
 
-    def _tap(self, bench: Any) -> None:
+    def _tap(self, bench: Any, rig: Rig) -> None:
+        if self.loose is not None:
+            self.loose.wrap(bench, rig, self.facts.setdefault("impossible", []))
         next_sample = bench.next_sample
 
         def given(timeout: float) -> Any:
@@ -249,6 +273,11 @@ class _Disturbed:
                 fault = self.rng.choice(("sensor_open", "sensor_out_of_range"))
                 return [f"{fault}:{channel}@{one.begin} s{until}"]
             case "reset":
+                self.clock.at(one.begin, self._reset)
+            case "restart" if self.trial.kind == "lines":
+                restarted = self.facts.setdefault("restarted", []).append
+                Restart.drawn(self.trial.seed, one.begin).arrange(self.stand, restarted)
+            case "restart":
                 self.clock.at(one.begin, self._reset)
             case "hang":
                 self.clock.at(one.begin, self._hang)
@@ -463,7 +492,7 @@ def _check_data(trial: Trial, kept: Path, facts: dict[str, Any], ended: float, t
     bound = LOSS_BOUND if "killed" in facts else 0.6 if trial.kind == "lines" else 0.11
     assert lost <= bound, f"{lost:.3f} s of samples are lost: {missing[:3]}..{missing[-3:]} of {len(given)}"
     assert len(have) <= len(set(given)), "nothing is invented"
-    if not trial.has(*_LINE, "silent", "hang", "reset", "stall", "sensor"):
+    if not trial.has(*_LINE, "silent", "hang", "reset", "restart", "stall", "sensor"):
         # the two-heater board is read twice a second, and the reading that an ending interrupts is not taken
         usual = 0.8 if trial.kind == "lines" else 0.12
         tail = ended - max(have, default=ended)
@@ -488,10 +517,14 @@ def _check_outputs(trial: Trial, facts: dict[str, Any], ended: float, kept: Path
     if trial.kind == "emulated" or result is not None:
         on = {name: value for name, value in levels.items() if value}
         said = bool(result and result["unconfirmed"])
-        assert not on or (said and trial.kind != "emulated"), f"{on} at the end, and nothing is said"
+        too_late = any(time > ended - _UNSEEN for time in facts.get("restarted", ()))
+        assert not on or too_late or (said and trial.kind != "emulated"), (
+            f"{on} at the end, and nothing is said"
+        )
     first = _first_ending(kept)
+    by_itself = set(facts.get("restarted", ()))
     if first is not None:
-        again = [entry for entry in seen if entry[0] > first + 0.001 and entry[2]]
+        again = [one for one in seen if one[0] > first + 0.001 and one[2] and one[0] not in by_itself]
         assert not again, f"on again after the ending at {first:g} s: {again}"
     for cause, due, until in _due(trial, facts):
         if cause > ended:
@@ -502,7 +535,8 @@ def _check_outputs(trial: Trial, facts: dict[str, Any], ended: float, kept: Path
         again = [entry for entry in seen if cause + due < entry[0] < until and entry[2]]
         assert not again, f"on again after {cause:g} s: {again}"
         off = [at for at, _, value in seen if cause < at <= cause + due and not value]
-        kind = f"{trial.kind} " + ("signal" if due == SIGNAL_BOUND[trial.kind] else "watchdog")
+        causes = {SIGNAL_BOUND[trial.kind]: "signal", WATCHDOG_BOUND: "watchdog"}
+        kind = f"{trial.kind} {causes.get(due, 'limit')}"
         tally.slowest_off[kind] = round(
             max([tally.slowest_off.get(kind, 0.0), *(at - cause for at in off)]), 4
         )
@@ -527,8 +561,11 @@ def _first_ending(kept: Path) -> float | None:
 
 def _due(trial: Trial, facts: dict[str, Any]) -> list[tuple[float, float, float]]:
     """(moment, s until all is off, until when it stays so) of each disturbance that switches off for sure."""
-    line = [one for one in trial.disturbances if one.what in (*_LINE, "stall", "silent", "hang", "reset")]
+    quiet = (*_LINE, "stall", "silent", "hang", "reset", "restart")
+    line = [one for one in trial.disturbances if one.what in quiet]
     found = []
+    if "stops" in facts and not line and facts.get("killed", math.inf) > sum(facts["stops"]):
+        found.append((*facts["stops"], math.inf))
     for one in trial.disturbances:
         if one.begin < facts["opened"] + 0.3:
             continue  # the run had not begun
@@ -559,6 +596,10 @@ def _check_said(trial: Trial, result: dict[str, Any], kept: Path, facts: dict[st
         assert (code, reason) == (0, None)
         run = open_run(kept)
         assert list(run.records["outcome"]).count("complete") == 3
+        stops = facts.get("stops")
+        assert (
+            stops is None or (*stops, math.inf) not in _due(trial, facts) or sum(stops) >= result["duration"]
+        ), f"finished, though the limit exceeded at {stops} had to end it"
     elif status == "aborted":
         assert pressed, "nobody asked for the end"
         first = min(pressed, key=lambda one: one.begin)
@@ -573,11 +614,30 @@ def _check_said(trial: Trial, result: dict[str, Any], kept: Path, facts: dict[st
         assert code == 1
         assert "NOT CONFIRMED SAFE" in reason
     _check_commands(trial, result, kept, facts)
+    _check_records(kept, facts)
+
+
+def _check_records(kept: Path, facts: dict[str, Any]) -> None:
+    """A record with too many impossible readings, or with a restart that was seen, is not complete."""
+    records = open_run(kept).records
+    for _, record in records[records["outcome"] == "complete"].iterrows():
+        inside = [time for time in facts["given"] if record["start"] <= time <= record["end"]]
+        impossible = [
+            time for time in facts.get("impossible", ()) if record["start"] <= time <= record["end"]
+        ]
+        lack = Lack("readings", len(impossible), len(inside))
+        assert not lack.exceeds(MOST_MISSING), f"complete, with {lack}"
+        changed = [
+            entry
+            for entry in facts["seen"]
+            if entry[0] in facts.get("restarted", ()) and record["start"] < entry[0] < record["end"]
+        ]
+        assert not changed, f"complete, with a restart in it: {changed}"
 
 
 def _check_commands(trial: Trial, result: dict[str, Any], kept: Path, facts: dict[str, Any]) -> None:
     """A run that finished without interruption has logged the changes of its outputs."""
-    lost = trial.has("loss", "mute", "noise", "reset", "stall", "silent")
+    lost = trial.has("loss", "mute", "noise", "reset", "restart", "stall", "silent", "intermittent")
     if result["status"] != "finished" or (lost and trial.retries):
         return
     lines = map(json.loads, (kept / "log.jsonl").read_text(encoding="utf-8").splitlines())
@@ -594,18 +654,23 @@ def _steps(values: list[float]) -> list[float]:
     return [value for before, value in pairwise([0.0, *values]) if value != before]
 
 
-def torture(folder: Path, trials: int, seed: int | str, kinds: Sequence[str] = KINDS) -> Tally:
-    """So many endings in turn on each kind of bench; those that broke a promise are `Tally.failures`."""
+def torture(
+    folder: Path, trials: int, seed: int | str, kinds: Sequence[str] = KINDS, beside: str = ""
+) -> Tally:
+    """So many endings in turn on each kind of bench; those that broke a promise are `Tally.failures`.
+
+    `beside`: one of `unsteady.BESIDE`, or nothing.
+    """
     tally = Tally()
     for number in range(trials if kinds else 0):
         try:
-            one(folder / "trial", f"{seed}-{number}", kinds[number % len(kinds)], tally)
+            one(folder / "trial", f"{seed}-{number}", kinds[number % len(kinds)], tally, beside)
         except AssertionError as problem:
             tally.failures.append(str(problem))
     return tally
 
 
-def one(folder: Path, seed: str, kind: str, tally: Tally) -> None:
+def one(folder: Path, seed: str, kind: str, tally: Tally, beside: str = "") -> None:
     """One ending.
 
     Raises
@@ -613,7 +678,7 @@ def one(folder: Path, seed: str, kind: str, tally: Tally) -> None:
     AssertionError
         it broke a promise; names the trial, which can be repeated with its seed and kind.
     """
-    trial = draw(seed, kind)
+    trial = draw(seed, kind, beside)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     try:

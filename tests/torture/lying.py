@@ -29,6 +29,7 @@ from rigctl.backends.registry import address_of
 from rigctl.backends.transport.client_port import Client
 from rigctl.backends.transport.port import PortLost
 from rigctl.backends.visa.client import VisaClient
+from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
 from rigctl.rig import Lines, Rig, load_rig, parse_rig
 from rigctl.testing import FakeSerial, ScriptedClock
@@ -37,6 +38,8 @@ from tclab_board import Sketch
 
 KINDS = ("lines", "modbus", "visa", "opcua")
 FAULTS = ("none", "lie", "force", "mute", "gone", "exchanged", "exchanged unnoticed", "refuse", "stale")
+#: the device starts again, with its outputs at other values; it closes the connection, or nobody notices
+RESTARTS = ("restart", "restart unnoticed")
 ENDINGS = ("finish", "fail", "interlock", "SIGINT", "SIGTERM", "SIGHUP")
 _PATIENT = 1e6  # s: a fault that lasts
 
@@ -74,7 +77,9 @@ class Device:
     Attributes
     ----------
     outputs: what they really are, in the device's own numbers.
-    fault: one of `FAULTS`.
+    fault: one of `FAULTS`; after one of `RESTARTS` it works as before.
+    power_on: the value of each output after a restart.
+    restarted: s, when a restart has changed an output.
     stranger: the outputs of another device, which answers in its place while the fault is "exchanged".
     sent_to_stranger: what was written to that one.
     """
@@ -86,12 +91,19 @@ class Device:
     sent_to_stranger: list[str] = field(default_factory=list)
     fault_since: datetime | None = None
     dropped: bool = False
+    power_on: float = 0.0
+    restarted: float | None = None
 
     @property
     def exchanged(self) -> bool:
         return self.fault.startswith("exchanged")
 
     def begin(self, fault: str) -> None:
+        if fault in RESTARTS:
+            after = dict.fromkeys(self.outputs, self.power_on)
+            self.restarted = self.clock.now() if after != self.outputs else None
+            self.outputs, self.dropped = after, fault == "restart"
+            return
         self.fault, self.fault_since = fault, self.now()
         self.stranger = dict.fromkeys(self.outputs, 1.0)
         self.dropped = fault in ("gone", "exchanged")
@@ -415,13 +427,13 @@ class Trial:
     moment: float
 
 
-def draw(seed: str, kind: str) -> Trial:
+def draw(seed: str, kind: str, faults: tuple[str, ...] = FAULTS) -> Trial:
     rng = random.Random(f"{seed} {kind}")
     begin = rng.uniform(0.5, 9.0)
     lasts = rng.choice((rng.uniform(0.02, 1.0), rng.uniform(1.0, 6.0), _PATIENT, _PATIENT))
     # an ending near the fault is the interesting one
     moment = max(0.5, begin + rng.choice((rng.uniform(-1.0, 1.0), rng.uniform(-4.0, 4.0))))
-    fault = rng.choice(FAULTS[:-1] if kind != "opcua" else FAULTS)
+    fault = rng.choice([one for one in faults if one != "stale" or kind == "opcua"])
     return Trial(seed, kind, rng.choice(ENDINGS), fault, begin, begin + lasts, moment)
 
 
@@ -476,9 +488,10 @@ def one(folder: Path, trial: Trial, tally: Tally) -> None:
     clock, (rig, lines) = ScriptedClock(), _rig_of(trial.kind)
     names = [name for name in rig.safe_state if rig.actuators[name].by == "driven"]
     device = Device(clock, dict.fromkeys(names, 0.0))
+    device.power_on = random.Random(trial.seed).choice((0.0, 1.0))
     if trial.fault != "none":
         clock.at(trial.begin, lambda: device.begin(trial.fault))
-        if trial.end < _PATIENT:
+        if trial.end < _PATIENT and trial.fault not in RESTARTS:
             clock.at(trial.end, device.end)
     if trial.ending.startswith("SIG"):
         clock.at(trial.moment, lambda: signal.raise_signal(getattr(signal, trial.ending)))
@@ -506,16 +519,26 @@ def one(folder: Path, trial: Trial, tally: Tally) -> None:
         assert (result.exit_code, result.status != "finished") == (1, True), (
             "said, but not with the exit code"
         )
+    if device.restarted is not None and result.folder is not None:
+        records = open_run(result.folder).records
+        inside = (records["start"] < device.restarted) & (device.restarted < records["end"])
+        assert "complete" not in records["outcome"][inside].tolist(), "complete, with a restart in it"
     if trial.fault == "exchanged":
         assert not device.sent_to_stranger, f"sent to another device: {device.sent_to_stranger}"
 
 
-def torture(folder: Path, seed: int | str, kinds: tuple[str, ...], trials: Iterator[int]) -> Tally:
+def torture(
+    folder: Path,
+    seed: int | str,
+    kinds: tuple[str, ...],
+    trials: Iterator[int],
+    faults: tuple[str, ...] = FAULTS,
+) -> Tally:
     """Trials in turn behind each protocol, as many numbers as `trials` yields."""
     tally = Tally()
     for number in trials:
         for kind in kinds:
-            trial = draw(f"{seed}-{number}", kind)
+            trial = draw(f"{seed}-{number}", kind, faults)
             try:
                 one(folder / "trial", trial, tally)
             except Exception as problem:  # noqa: BLE001 - whatever it is, it is counted

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from torture.lying import KINDS, Tally, Trial, one, torture
+from torture.lying import KINDS, RESTARTS, Tally, Trial, one, torture
 
 
 def test_lying_and_exchanged_devices_are_found_out_at_random_endings(tmp_path: Path) -> None:
@@ -22,3 +22,13 @@ def test_an_output_that_stays_on_is_reported_behind_every_protocol(
     tally = Tally()
     one(tmp_path, Trial("0", kind, "finish", fault, 3.5, 1e6, 7.0), tally)
     assert (tally.unconfirmed, tally.left_on_and_said) == (1, 1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fault", RESTARTS)
+def test_a_restart_within_a_record_is_found_behind_every_protocol(
+    tmp_path: Path, kind: str, fault: str
+) -> None:
+    tally = Tally()
+    one(tmp_path, Trial("0", kind, "finish", fault, 2.3, 1e6, 7.0), tally)
+    assert tally.statuses == {"failed": 1}
