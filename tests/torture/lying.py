@@ -32,14 +32,17 @@ from rigctl.backends.visa.client import VisaClient
 from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
 from rigctl.rig import Lines, Rig, load_rig, parse_rig
+from rigctl.runner.session import RunResult
 from rigctl.testing import FakeSerial, ScriptedClock
 from run_workshop import Workshop
 from tclab_board import Sketch
 
 KINDS = ("lines", "modbus", "visa", "opcua")
 FAULTS = ("none", "lie", "force", "mute", "gone", "exchanged", "exchanged unnoticed", "refuse", "stale")
-#: the device starts again, with its outputs at other values; it closes the connection, or nobody notices
-RESTARTS = ("restart", "restart unnoticed")
+#: the device starts again, with its outputs at other values, and is gone for a while or for good
+AWAY = "restart away"
+#: the same, but it is there again at once: it closes the connection, or nobody notices
+RESTARTS = ("restart", "restart unnoticed", AWAY)
 ENDINGS = ("finish", "fail", "interlock", "SIGINT", "SIGTERM", "SIGHUP")
 _PATIENT = 1e6  # s: a fault that lasts
 
@@ -77,7 +80,7 @@ class Device:
     Attributes
     ----------
     outputs: what they really are, in the device's own numbers.
-    fault: one of `FAULTS`; after one of `RESTARTS` it works as before.
+    fault: one of `FAULTS`; after one of `RESTARTS` it works as before, or is gone.
     power_on: the value of each output after a restart.
     restarted: s, when a restart has changed an output.
     stranger: the outputs of another device, which answers in its place while the fault is "exchanged".
@@ -103,7 +106,9 @@ class Device:
             after = dict.fromkeys(self.outputs, self.power_on)
             self.restarted = self.clock.now() if after != self.outputs else None
             self.outputs, self.dropped = after, fault == "restart"
-            return
+            if fault != AWAY:
+                return
+            fault = "gone"
         self.fault, self.fault_since = fault, self.now()
         self.stranger = dict.fromkeys(self.outputs, 1.0)
         self.dropped = fault in ("gone", "exchanged")
@@ -137,11 +142,10 @@ class DirectPort(FakeSerial):
         self._lost = False
 
     def check(self) -> None:
-        super().check()
         if self._bench_device.fault == "gone":
             raise PortLost("nobody is there")
         self._client, self._lost, self._bench_device.dropped = self._connect(), False, False
-        self._coming.clear()
+        self._coming.clear()  # what was on its way is lost with the connection
 
     def _present(self) -> None:
         if self._lost or self._bench_device.dropped:
@@ -481,7 +485,7 @@ def _steps(trial: Trial, rig: Rig) -> str:
     return text
 
 
-def one(folder: Path, trial: Trial, tally: Tally) -> None:
+def one(folder: Path, trial: Trial, tally: Tally) -> RunResult:
     """One run; raises AssertionError if it broke the promise."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -491,7 +495,7 @@ def one(folder: Path, trial: Trial, tally: Tally) -> None:
     device.power_on = random.Random(trial.seed).choice((0.0, 1.0))
     if trial.fault != "none":
         clock.at(trial.begin, lambda: device.begin(trial.fault))
-        if trial.end < _PATIENT and trial.fault not in RESTARTS:
+        if trial.end < _PATIENT and trial.fault not in RESTARTS[:2]:
             clock.at(trial.end, device.end)
     if trial.ending.startswith("SIG"):
         clock.at(trial.moment, lambda: signal.raise_signal(getattr(signal, trial.ending)))
@@ -525,6 +529,7 @@ def one(folder: Path, trial: Trial, tally: Tally) -> None:
         assert "complete" not in records["outcome"][inside].tolist(), "complete, with a restart in it"
     if trial.fault == "exchanged":
         assert not device.sent_to_stranger, f"sent to another device: {device.sent_to_stranger}"
+    return result
 
 
 def torture(

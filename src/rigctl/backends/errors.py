@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import datetime
 
 from rigctl.errors import ExitCode, Location, RigctlError
 
@@ -28,11 +29,14 @@ class OutputsNotSafe(BackendLost):
     """The bench has not confirmed that its outputs are safe.
 
     `outputs` are those that may be on as far as the bench knows, with the SI values that they may have.
+    `unseen_since` is the calendar time of the last contact, if a restart may since have switched on any other
+    output; None otherwise.
     """
 
-    def __init__(self, what: str, outputs: Mapping[str, float]) -> None:
+    def __init__(self, what: str, outputs: Mapping[str, float], unseen_since: datetime | None = None) -> None:
         super().__init__(what)
         self.outputs = dict(outputs)
+        self.unseen_since = unseen_since
 
 
 class OutOfReach(BackendLost):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from datetime import datetime
 from typing import Any
 
 from rigctl.backends.errors import OutOfReach, OutputsNotSafe
@@ -52,6 +53,7 @@ class Bench:
         self.missed: list[str] = []  #: measures that were outside their limits while the procedure continued
         self.question: Question | None = None
         self.reachable = True
+        self._unseen_since: datetime | None = None  # last contact, see `OutputsNotSafe`
         self.trouble: RigctlError | None = None  #: the first event that could not be written
         self._types: dict[str, ValueType] = dict(rig.layout.types())
         self._switches: dict[str, float] = {}  # s, when each actuator was last switched, at the latest
@@ -376,13 +378,14 @@ class Bench:
         except Exception as error:  # noqa: BLE001 - whatever it is, an ending continues
             if isinstance(error, OutputsNotSafe):  # also outputs whose last command was the safe value
                 self.doubtful |= error.outputs
+                self._unseen_since = error.unseen_since
             if self.reachable:
                 self.event("fault", f"outputs could not be made safe from here: {error}")
             self.reachable = False
             return
         if not self.reachable:
             self.event("note", "the bench can be reached again, outputs are safe")
-        self.reachable = True
+        self.reachable, self._unseen_since = True, None
         self.doubtful.clear()
         self._loops.clear()
         self._sent.clear()  # pending commands are dropped, or have been carried out
@@ -417,7 +420,8 @@ class Bench:
         """The outputs that may not be safe now, e.g. ``heater_1 60 %``; None if all are confirmed to be safe.
 
         An output whose safe state was confirmed at the last contact is still safe, as nothing has been
-        commanded since, unless the bench itself commands it in a closed loop.
+        commanded since, unless the bench itself commands it in a closed loop, or its device may have switched
+        it on by restarting. Such outputs are named if no other is in doubt.
         """
         if self.reachable:
             return None
@@ -427,7 +431,11 @@ class Bench:
             if self.rig.actuators[name].by == "driven"
             and (value != self.safe_value(name) or name in self._loops)
         }
-        return self._shown(doubts)
+        if doubts or self._unseen_since is None:
+            return self._shown(doubts)
+        names = ", ".join(name for name in self.rig.safe_state if self.rig.actuators[name].by == "driven")
+        seen = f"{self._unseen_since.astimezone():%H:%M:%S}"
+        return f"{names} (safe when last seen at {seen}; a restart may have switched them on)"
 
     @property
     def never_confirmed(self) -> str | None:

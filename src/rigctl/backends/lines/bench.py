@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 
 from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.lines.doubt import InDoubt
@@ -22,7 +23,7 @@ from rigctl.backends.transport.conversation import Conversation, Underway, carry
 from rigctl.backends.transport.guard_port import GuardActed, GuardedPort
 from rigctl.backends.transport.port import AnotherDevice, Connect, NotConfirmed, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification
-from rigctl.backends.transport.safe_commands import Duty
+from rigctl.backends.transport.safe_commands import Duty, Outputs
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Exchange, Lines, Rig
@@ -91,6 +92,7 @@ class LineBench(PortBench[Talk]):
         self._safe_state = SafeState(rig, lines, self._setter, clock, self._guard_acted)
         self._in_doubt = InDoubt(self._setter.safe_values, self._duty)
         self._poll = Poll(rig, lines, clock, self._outbox)
+        self._last_answer = 0.0  # s, before contact was lost
         self._start = 0.0
         self._index = 0
         self._job: Underway[None] | None = None  # the query in progress
@@ -124,6 +126,11 @@ class LineBench(PortBench[Talk]):
     @property
     def _may_be_on(self) -> Mapping[str, float]:
         return self._in_doubt.may_be_on
+
+    @property
+    def _unseen_since(self) -> datetime | None:
+        """The rig file does not say how the outputs are at power-on."""
+        return self.clock.date() - timedelta(seconds=self.clock.now() - self._last_answer)
 
     # --- identification -----------------------------------------------------------------------------------
 
@@ -384,6 +391,8 @@ class LineBench(PortBench[Talk]):
             self._in_doubt.exchanged()
             if isinstance(talk.port, GuardedPort):
                 talk.port.exchanged()
+        self._last_answer = talk.last_answer
+        self._duty.outputs = Outputs.DRIVEN  # a restart may switch them on, whatever they were
         talk.port.close()
         return "", None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rigctl.backends.lines.safe_state import SafeOutcome
-from rigctl.backends.transport.port import AnotherDevice, Refused
+from rigctl.backends.transport.port import AnotherDevice
 from rigctl.backends.transport.safe_commands import Duty, Outputs
 
 
@@ -60,5 +60,5 @@ class InDoubt:
         if outcome.trouble is None:
             self._driven.clear()
             self._duty.outputs = Outputs.SAFE
-        elif self._on or self._duty.outputs is not Outputs.SAFE or isinstance(outcome.trouble, Refused):
+        else:
             self._duty.outputs = Outputs.DRIVEN

@@ -72,6 +72,7 @@ class Talk:
         self._took: deque[float] = deque(maxlen=_REMEMBERED)  # s, from a command to its answer
         self._bytes = 0  # number of bytes that have arrived
         self.last_sent = clock.now()  #: s
+        self.last_answer = clock.now()  #: s
         self._in_step = True  # no answer to an earlier query is outstanding
         self._identities_due = 0  # that were asked for and may still arrive
         self._making_safe = False  # a restart is no reason not to do so
@@ -152,7 +153,8 @@ class Talk:
             found, wrong = yield from self._read_answer(exchange, command, deadline)
             if found is not None and fits(found):
                 self._in_step = True
-                self._took.append(self._clock.now() - sent)
+                self.last_answer = self._clock.now()
+                self._took.append(self.last_answer - sent)
                 if exchange != self._lines.identify:  # answers come in order: none is due from before
                     self._identities_due = 0
                 return Answer(found, sent, self._clock.now())

@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from datetime import datetime
 from typing import Generic, TypeVar
 
 from rigctl.backends.commands import check_command
@@ -134,6 +135,12 @@ class PortBench(ABC, Generic[Contact]):
         return {}
 
     @property
+    def _unseen_since(self) -> datetime | None:
+        """The calendar time of the last contact, if a restart may switch outputs on; None if it leaves them
+        safe."""
+        return None
+
+    @property
     @abstractmethod
     def _failure(self) -> str:
         """Why the device has stopped working or can no longer be trusted; empty otherwise."""
@@ -224,14 +231,15 @@ class PortBench(ABC, Generic[Contact]):
         contact = self._contact
         if contact is None:
             why = f"the bench cannot be reached: {self._reconnection.why}"
-            raise OutputsNotSafe(why, self._may_be_on)
+            raise OutputsNotSafe(why, self._may_be_on, self._unseen_since)
         try:
             self._make_safe(contact)
         except Refused as error:
             raise OutputsNotSafe(f"the outputs may not be safe: {error}", self._may_be_on) from None
         except PortLost as error:
             self._lose(error)
-            raise OutputsNotSafe(f"the outputs may not be safe: {error}", self._may_be_on) from None
+            why = f"the outputs may not be safe: {error}"
+            raise OutputsNotSafe(why, self._may_be_on, self._unseen_since) from None
 
     # --- internal -----------------------------------------------------------------------------------------
 
