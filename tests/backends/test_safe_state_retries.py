@@ -97,6 +97,21 @@ def test_a_device_exchanged_after_its_commands_is_not_taken_for_safe(folder: Pat
     assert (asked, line.sketch.received.count("X")) == (4, 2)
 
 
+def test_a_guard_waits_for_an_answer_as_long_as_its_orders_say(folder: Path) -> None:
+    line = Line(0)
+    opened = line.open
+
+    def slow() -> Port:
+        port = opened()
+        assert isinstance(port, MemoryPort)
+        port.delay = 0.8
+        return port
+
+    orders = Orders.from_json(Orders(ADDRESS, SAFE, 2.0, timeout=1.0).to_json())
+    assert SafeStateRetries(orders, line.clock, slow, lambda: False).carry_out(None)
+    assert line.sketch.received == ["Q1 60", "X", "Q1 0.00"], "at the first attempt"
+
+
 def leave(folder: Path, **fields: object) -> None:
     now = time.time()
     notice = {

@@ -31,6 +31,7 @@ def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBe
         read_back=setter.read_back_orders(),
         identify=setter.identify_order(),
         reply_ends=lines.reply_ends,
+        timeout=max(lines.timeout, Orders.timeout),
     )
 
     def connect() -> Port:

@@ -18,7 +18,7 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from rigctl.backends.transport.adapter import same_adapter
@@ -47,6 +47,7 @@ class Orders:
     identify: the identity query; None for a device that has none.
     identity: what the device answered to it earlier; None if it was not identified yet.
     reply_ends: the line end of answers.
+    timeout: s for an answer.
     """
 
     address: Address
@@ -57,6 +58,7 @@ class Orders:
     identify: SafeOrder | None = None
     identity: Mapping[str, str] | None = None
     reply_ends: str = "\n"
+    timeout: float = 0.5
 
     @property
     def url(self) -> str:
@@ -67,7 +69,7 @@ class Orders:
         """Return the orders as bytes for the guard."""
         plain = {
             **vars(self),
-            "address": vars(self.address),
+            "address": asdict(self.address),
             "safe": [_plain(order) for order in self.safe],
             "confirm": _plain(self.confirm),
             "read_back": [_plain(order) for order in self.read_back],

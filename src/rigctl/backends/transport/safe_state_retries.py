@@ -32,7 +32,6 @@ from rigctl.json_values import parse_json
 LASTS = 24 * 3600.0  #: s, after which the guard gives up
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
 _LOOK = 0.05  # s between two checks whether another program has taken over the port
-_ANSWER = 0.5  # s for an answer
 _MOST_ERRORS = 50  # in a device's queue
 _OLD = 60.0  # s without a report after which it is unknown whether a guard is still trying
 
@@ -105,6 +104,11 @@ class Orders(Protocol):
     @property
     def reply_ends(self) -> str:
         """The line end of answers."""
+        ...
+
+    @property
+    def timeout(self) -> float:
+        """The time allowed for an answer, s."""
         ...
 
 
@@ -241,7 +245,7 @@ class SafeStateRetries:
             pass
         self._rest = b""
         port.write(order.text)
-        deadline = time.monotonic() + _ANSWER
+        deadline = self._clock.now() + self._orders.timeout
         for pattern in map(reply_pattern, order.reply):
             line = self._line(port, deadline)
             found = pattern.match(line)
@@ -259,7 +263,7 @@ class SafeStateRetries:
         while self._reply_ends not in self._rest:
             if self._taken_over():
                 raise _TakenOver
-            if time.monotonic() >= deadline:
+            if self._clock.now() >= deadline:
                 self._silent = True
                 raise _Mute("the device does not answer")
             self._rest += port.read(self._clock.now() + _LOOK)
