@@ -45,6 +45,7 @@ AWAY = "restart away"
 RESTARTS = ("restart", "restart unnoticed", AWAY)
 ENDINGS = ("finish", "fail", "interlock", "SIGINT", "SIGTERM", "SIGHUP")
 _PATIENT = 1e6  # s: a fault that lasts
+_ANSWER_TAKES = 0.004  # s
 
 STEPS = """\
 steps:
@@ -136,7 +137,7 @@ class DirectPort(FakeSerial):
     """The port of a client, which is asked at once; a silent device costs virtual time only."""
 
     def __init__(self, device: Device, connect: Callable[[], Client], clock: ScriptedClock) -> None:
-        super().__init__(self, clock, delay=0.004)
+        super().__init__(self, clock, delay=_ANSWER_TAKES)
         self._bench_device, self._connect = device, connect
         self._client: Client | None = None
         self._lost = False
@@ -514,11 +515,13 @@ def one(folder: Path, trial: Trial, tally: Tally) -> RunResult:
             bench.next_sample = hot  # type: ignore[method-assign]
         result = Workshop(folder).run(_steps(trial, rig), rig=rig, backend=bench).result
         on = {name: value for name, value in device.outputs.items() if value}
+        # nobody can notice a restart while the last answer, which says that all is off, is on its way
+        too_late = device.restarted is not None and device.restarted > clock.now() - _ANSWER_TAKES
     tally.trials[trial.kind] = tally.trials.get(trial.kind, 0) + 1
     tally.statuses[result.status] = tally.statuses.get(result.status, 0) + 1
     tally.unconfirmed += result.unconfirmed is not None
     tally.left_on_and_said += bool(on) and result.unconfirmed is not None
-    assert not on or result.unconfirmed, f"{on} at the end, and nothing is said: {result}"
+    assert not on or result.unconfirmed or too_late, f"{on} at the end, and nothing is said: {result}"
     if result.unconfirmed:
         assert (result.exit_code, result.status != "finished") == (1, True), (
             "said, but not with the exit code"
