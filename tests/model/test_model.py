@@ -152,7 +152,7 @@ def test_the_schema_accepts_a_plain_value_or_a_value_with_its_fields() -> None:
     schema = ModelFile.model_json_schema()
     branches = schema["$defs"]["Setting"]["anyOf"]
     assert branches[0]["examples"]
-    assert set(branches[1]["properties"]) == {"value", "fit", "std", "prior", "from"}
+    assert set(branches[1]["properties"]) == {"value", "fit", "std", "prior", "standing", "range", "from"}
 
 
 def test_base_physics_that_a_model_has_is_not_added_again() -> None:

@@ -22,6 +22,7 @@ from rigctl.analysis.trends import Trend
 from rigctl.analysis.undecided import what_decides
 from rigctl.json_values import finite_or_none
 from rigctl.model.curve_bands import CurveBand
+from rigctl.model.fit.assumptions import conditional_document, conditional_numbers
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -183,11 +184,13 @@ class ModelComparison:
             name: {"statistic": test.statistic, "p_value": test.p_value, "freedom": test.dof}
             for name, test in self.adequacy.tests.items()
         }
+        given = conditional_numbers(self.fit)
         parameters = {
             unknown.name: {
                 "value": float(value),
                 "unit": unknown.unit,
                 "std": finite_or_none(self.fit.std.get(unknown.name, 0.0)),
+                **conditional_document(given.get(unknown.name), unknown.unit),
             }
             for unknown, value in zip(self.fit.problem.shared, self.fit.values, strict=True)
         }

@@ -17,11 +17,12 @@ from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.effects.declaration import EffectParameter
 from rigctl.json_values import finite_or_none
+from rigctl.model.fit.assumptions import Conditional, conditional_document
 from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
 from rigctl.model.fit.undetermined import first_statements
 from rigctl.model.validity import Departure
 from rigctl.notebook import as_html, one_line
-from rigctl.units import parse_unit, with_uncertainty
+from rigctl.units import parse_unit, significant, with_uncertainty
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,23 +72,33 @@ class FoundParameter:
     """A fitted parameter of an effect, in the unit in which it is shown.
 
     `std` is 0 if the fit ended at a bound of the parameter, and NaN if it is not known. `unusual` is True if
-    the value lies outside the parameter's usual range.
+    the value lies outside the parameter's usual range. `conditional`: what it is over the ranges of assumed
+    numbers that it holds for; None if it depends on none.
     """
 
     value: float
     unit: str
     std: float
     unusual: bool = False
+    conditional: Conditional | None = None
 
     @classmethod
-    def of(cls, declared: EffectParameter, value: float, std: float) -> FoundParameter:
+    def of(
+        cls, declared: EffectParameter, value: float, std: float, conditional: Conditional | None = None
+    ) -> FoundParameter:
         """A parameter with a value and its standard deviation, SI."""
         unit = parse_unit(declared.unit)
         shown = unit.from_si(value, difference=declared.difference)
-        return cls(shown, declared.unit, std / unit.factor, declared.unusual(value))
+        return cls(shown, declared.unit, std / unit.factor, declared.unusual(value), conditional)
 
     def __str__(self) -> str:
-        """As displayed, e.g. ``(4.00 ± 0.10)e-15 m^3``; an unknown standard deviation is left out."""
+        """As displayed, e.g. ``(4.00 ± 0.10)e-15 m^3``; an unknown standard deviation is left out.
+
+        With an assumed number ``0.0061 N*m if resistance = 2 ohm (assumed); 0.003 to 0.012 over its range``.
+        """
+        if self.conditional is not None:
+            value = f"{significant(self.value, 2)} {'' if self.unit == '1' else self.unit}".strip()
+            return f"{value} {self.conditional.clause(self.unit)}"
         return with_uncertainty(self.value, self.std, self.unit) + ("" if self.std else " at its bound")
 
 
@@ -139,6 +150,7 @@ class Ranked:
                     "unit": one.unit,
                     "std": finite_or_none(one.std),
                     "unusual": one.unusual,
+                    **conditional_document(one.conditional, one.unit),
                 }
                 for name, one in self.parameters.items()
             },

@@ -259,8 +259,8 @@ def fit_problem(
     # 5. where only the white floor is known, what the model leaves is the scale of its errors;
     # 6. if uncertain times of many switches may be what it leaves: with each of them as an unknown.
     if not refit:
-        fitted = problem.model.fitted
-        problem = problem.with_shared([one for one in problem.shared if one.name not in fitted])
+        kept = (*problem.model.fitted, *problem.model.assumed)
+        problem = problem.with_shared([one for one in problem.shared if one.name not in kept])
     ends = fit if cost is None else partial(fit, cost=cost)
     first = without_doubtful_slow_noise(noise)
     begun = problem if first is None else _in_noise(problem, first, on_progress)
@@ -423,7 +423,8 @@ def fit_in_noise(
     """The fit repeated with another noise of the same data, starting where it ended."""
     problem = before.problem
     again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
-    shared = [one for one in again.shared if refit or one.name not in problem.model.fitted]
+    kept = () if refit else (*problem.model.fitted, *problem.model.assumed)
+    shared = [one for one in again.shared if one.name not in kept]
     again = _started_at(again, before, shared)
     return fit(again, before.held_out, refit=bool(again.shared), local=before.local, progress=iterated)
 

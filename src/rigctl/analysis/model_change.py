@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +19,7 @@ from rigctl.analysis.fitting import (
 from rigctl.dataset.run import Run
 from rigctl.engine.least_squares import NoValueAtStart
 from rigctl.errors import RigctlError
+from rigctl.model.fit.assumptions import Conditional, conditional_numbers
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
@@ -29,6 +30,7 @@ from rigctl.model.history.version import Version
 from rigctl.model.load import load_model
 from rigctl.model.model import Model
 from rigctl.model.validity import Departure, departures
+from rigctl.model.value_table import stated_values
 
 #: smaller sizes at which an added effect starts, as shares of its typical one, until the model has a value
 _SHARES = (0.1, 0.01, 0.001)
@@ -71,6 +73,7 @@ class Changed:
     outside: where it leaves the ranges over which laws of its effects were learned.
     bounds: its parameters that the fit drove to a bound, or beyond one that was widened.
     undetermined: its parameters of which the data determine only combinations.
+    conditional: by name, its fitted numbers that hold only for assumed ones.
     """
 
     model: Model
@@ -78,6 +81,7 @@ class Changed:
     outside: tuple[Departure, ...] = ()
     bounds: tuple[ReachedBound, ...] = ()
     undetermined: tuple[Undetermined, ...] = ()
+    conditional: Mapping[str, Conditional] = field(default_factory=dict)
 
     @property
     def first(self) -> tuple[str, ...]:
@@ -100,8 +104,14 @@ class Changed:
             "after": done.after.document() if done.after else None,
             "bounds": [one.document() for one in self.bounds],
             "undetermined": [one.document() for one in self.undetermined],
+            "parameters": self._conditional_document(),
             "outside_validity": [one.document() for one in self.outside],
         }
+
+    def _conditional_document(self) -> dict[str, Any]:
+        """The fitted numbers that hold only for assumed ones, in the units of the model file."""
+        units = {one.name: one.unit for one in stated_values(self.model)}
+        return {name: one.document(units[name]) for name, one in self.conditional.items()}
 
 
 def change_model(
@@ -129,7 +139,14 @@ def change_model(
     version = save_version(changed, path, change, effect_files=wanted.effect_files)
     if fitted is None:
         return Changed(changed, version)
-    return Changed(changed, version, departures(fitted), reached_bounds(fitted), undetermined(fitted))
+    return Changed(
+        changed,
+        version,
+        departures(fitted),
+        reached_bounds(fitted),
+        undetermined(fitted),
+        conditional_numbers(fitted),
+    )
 
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:

@@ -16,6 +16,7 @@ from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import Search
 from rigctl.analysis.separability import softened
 from rigctl.effects.declaration import qualified
+from rigctl.model.fit.assumptions import conditional_numbers
 
 #: least number of effects of a ranking that are shown
 _SHOWN = 12
@@ -160,10 +161,11 @@ def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, Foun
     """An effect's fitted parameters, in the units in which they are shown."""
     parameters = {}
     fitted = {unknown.name for unknown in trial.fit.problem.shared}
+    given = conditional_numbers(trial.fit)
     refined = [name for name in _shapes(candidate) if name in fitted]
     for column in (*candidate.columns, *refined):
         declared = candidate.parameter(column)
-        parameters[declared.name] = FoundParameter.of(declared, *trial.value(column))
+        parameters[declared.name] = FoundParameter.of(declared, *trial.value(column), given.get(column))
     return parameters
 
 

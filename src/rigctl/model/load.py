@@ -27,6 +27,7 @@ from rigctl.model.values import parameter_values
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily, ParameterDeclaration
 from rigctl.physics.oil import find_oil
+from rigctl.physics.standing import range_of
 from rigctl.project import find_project
 from rigctl.rig.load import load_rig
 from rigctl.rig.rig import Rig
@@ -137,11 +138,27 @@ def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iter
         if setting.fit and declared.fixed:
             fixed = RigctlError(f"{name} is a dimension that no fit changes", hint="Leave 'fit' out")
             reader.refuse((*keys, "fit"), fixed)
+        if setting.standing == "assumed" and declared.fixed:
+            exact = RigctlError(
+                f"{name} is a number in the equations, which no fit changes",
+                hint="Write its standing in the family file",
+            )
+            reader.refuse((*keys, "standing"), exact)
         read_std = partial(_std, setting.std, declared.unit)
         std = reader.read((*keys, "std"), read_std)
         prior = reader.read((*keys, "prior"), partial(_prior, declared, setting.prior))
         if value is not None:
-            yield name, replace(_stated(value, setting, std), prior=prior)
+            limits = reader.read((*keys, "range"), partial(_range, declared, value, setting))
+            standing = setting.standing or ""
+            yield name, replace(_stated(value, setting, std), prior=prior, standing=standing, range=limits)
+
+
+def _range(declared: ParameterDeclaration, value: float, setting: Setting) -> tuple[float, float] | None:
+    """The range of an assumed value as it is stated, SI; None for the default one."""
+    ends = setting.range
+    stated = None if ends is None else (read_si(ends[0], declared.unit), read_si(ends[1], declared.unit))
+    limits = range_of(declared.name, value, declared.unit, setting.standing or "", stated)
+    return None if stated is None else limits
 
 
 def _value(declared: ParameterDeclaration, written: Quantity) -> float:

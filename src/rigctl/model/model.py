@@ -21,6 +21,7 @@ from rigctl.model.build import build_system, superset
 from rigctl.model.values import parameter_values
 from rigctl.notebook import as_html, one_line
 from rigctl.physics.family import ModelFamily
+from rigctl.physics.standing import Standing, range_of
 from rigctl.rig.rig import Rig
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ class Value:
     source: its origin, in words.
     unit: the unit in the model file; empty if it is not in the file.
     prior: prior knowledge, SI: every fit weighs it with the data.
+    standing: how well it is known, where the file says it.
+    range: of an assumed value, SI, where the file states it.
     """
 
     si: float
@@ -50,6 +53,8 @@ class Value:
     source: str = ""
     unit: str = ""
     prior: Prior | None = None
+    standing: Standing = ""
+    range: tuple[float, float] | None = None
 
     @property
     def undetermined(self) -> bool:
@@ -131,6 +136,28 @@ class Model:
         for effect, parameters in self.effects.items():
             free += [qualified(effect, name) for name, value in parameters.items() if value.fit]
         return tuple(free)
+
+    @cached_property
+    def assumed(self) -> Mapping[str, tuple[float, float]]:
+        """The assumed parameters that no fit changes, with their ranges, SI: unknowns of every fit.
+
+        A value of the model file without a standing has that of the family if it is the same value. Others,
+        and those of the rig and of the oil, count as exact.
+        """
+        ranges = {}
+        for declared in self.family.parameters:
+            given = self.parameters.get(declared.name)
+            value = self.values[declared.name]
+            same = value == declared.value
+            standing = (given.standing if given is not None else "") or (declared.standing if same else "")
+            if standing != "assumed" or (given is not None and given.fit) or declared.fixed:
+                continue
+            stated = given.range if given is not None else None
+            stated = stated or (declared.range if same else None)
+            limits = range_of(declared.name, value, declared.unit, standing, stated)
+            if limits is not None:
+                ranges[declared.name] = limits
+        return MappingProxyType(ranges)
 
     def __repr__(self) -> str:
         """One-line representation."""
@@ -274,7 +301,15 @@ class Model:
             given = Value(float(value), std=(std or {}).get(name), source=origin)
             old = where.get(key, Value(self.values[name]))
             if key not in where or given != Value(old.si):
-                where[key] = replace(given, fit=old.fit, unit=old.unit, prior=old.prior)
+                limits = old.range or self.assumed.get(name)
+                where[key] = replace(
+                    given,
+                    fit=old.fit,
+                    unit=old.unit,
+                    prior=old.prior,
+                    standing="assumed" if name in self.assumed else old.standing,
+                    range=limits if limits is None or limits[0] <= given.si <= limits[1] else None,
+                )
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
 
     def _knowing(self, effect: Effect) -> Model:

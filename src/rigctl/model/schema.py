@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
@@ -35,6 +35,15 @@ class Setting(_Part):
     )
     prior: Known | None = Field(
         default=None, description="what is known before any fit, which every fit weighs with the data"
+    )
+    standing: Literal["measured", "assumed", "exact"] | None = Field(
+        default=None,
+        description="how well the value is known, where no fit changes it: measured, assumed (a guess, which "
+        "fits let be anything in its range) or exact; without it, that of the family file for the same "
+        "value, else exact",
+    )
+    range: tuple[AnyQuantity, AnyQuantity] | None = Field(
+        default=None, description="of an assumed value; by default half to twice it"
     )
     source: str = Field(
         default="", alias="from", description="where the value comes from: a fit, a data sheet"

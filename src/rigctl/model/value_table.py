@@ -10,6 +10,7 @@ from rigctl.effects.declaration import qualified
 from rigctl.engine.least_squares.unknown import Prior
 from rigctl.model.model import Model, Value
 from rigctl.model.values import parameter_origins
+from rigctl.physics.standing import Standing
 from rigctl.units import interval_unit, parse_unit
 
 Origin: TypeAlias = Literal["model", "rig", "oil", "family", "effect"]
@@ -30,6 +31,7 @@ class StatedValue:
     source: the origin stated in the model file, in words.
     prior: prior knowledge, SI.
     undetermined: the data to which it was fitted determine only combinations of it with others.
+    standing: how well it is known, as far as a file says it; `range` is that of an assumed one, SI.
     """
 
     name: str
@@ -44,6 +46,8 @@ class StatedValue:
     difference: bool = False
     prior: Prior | None = None
     undetermined: bool = False
+    standing: Standing = ""
+    range: tuple[float, float] | None = None
 
     @property
     def value(self) -> float:
@@ -97,7 +101,15 @@ def _of_family(model: Model) -> Iterator[StatedValue]:
             meaning=declared.meaning,
             prior=given.prior,
             undetermined=given.undetermined,
+            standing=_standing(model, declared.name, given),
+            range=model.assumed.get(declared.name, given.range),
         )
+
+
+def _standing(model: Model, name: str, given: Value) -> Standing:
+    """That of the model file, or of the family's own value."""
+    declared = model.family.parameter(name)
+    return given.standing or (declared.standing if given.si == declared.value else "")
 
 
 def _of_effects(model: Model) -> Iterator[StatedValue]:

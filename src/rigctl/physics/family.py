@@ -14,6 +14,7 @@ from rigctl.engine.symbols import Scalar
 from rigctl.errors import unknown_name
 from rigctl.notebook import one_line
 from rigctl.physics.standard_record import StandardRecord
+from rigctl.physics.standing import Standing
 
 if TYPE_CHECKING:
     from rigctl.physics.interpolation import Curve
@@ -90,6 +91,8 @@ class ParameterDeclaration:
     fixed: never fitted, but a number in the compiled equations (a bore, for example).
     usual: whether the lower and the upper bound are only limits of the usual range, which a fit may leave.
         Those that a user wrote are not.
+    standing: how well `value` is known, where the family says it.
+    range: of an assumed value, SI; where no fit changes the parameter, every fit lets it be anywhere in it.
     """
 
     name: str
@@ -100,6 +103,8 @@ class ParameterDeclaration:
     high: float = float("inf")
     fixed: bool = False
     usual: tuple[bool, bool] = (False, False)
+    standing: Standing = ""
+    range: tuple[float, float] | None = None
 
     @property
     def widest(self) -> tuple[float, float]:

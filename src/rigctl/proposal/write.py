@@ -81,11 +81,12 @@ def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
     )
     yield from _part(
         "parameters",
-        "What a fit may change, and within which bounds.",
+        "What a fit may change, and within which bounds. An assumed number is a guess: measure it.",
         {
             key: {
                 "value": amount_of(p.value, p.unit),
                 "bounds": f"[{amount_of(p.low, p.unit)}, {amount_of(p.high, p.unit)}]",
+                "standing": "" if p.fit else "assumed",
                 "meaning": _quoted(p.meaning),
             }
             for key, p in draft.parameters.items()
@@ -95,7 +96,7 @@ def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
         "constants",
         "Numbers that no fit changes.",
         {
-            key: {"value": value, "meaning": _quoted(meaning)}
+            key: {"value": value, "standing": _guessed(meaning), "meaning": _quoted(meaning)}
             for key, (value, meaning) in draft.constants.items()
         },
     )
@@ -123,6 +124,11 @@ def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
             for key, f in draft.outputs.items()
         },
     )
+
+
+def _guessed(meaning: str) -> str:
+    """The standing of a constant: a guess where its meaning asks for a measurement."""
+    return "assumed" if meaning.endswith("measure it") else ""
 
 
 def amount_of(value: float, unit: str) -> str:

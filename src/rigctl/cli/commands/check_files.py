@@ -110,6 +110,7 @@ def _model(path: Path) -> dict[str, Any]:
         "parameters": list(model.parameters),
         "fitted": fitted,
         "effects": list(model.effects),
+        "assumed": list(model.assumed),
         "next": f"rigctl model show {path.as_posix()}",
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.markup import escape
@@ -22,6 +22,7 @@ from rigctl.effects import Effect
 from rigctl.effects.option import read_effect_option
 from rigctl.effects.user import is_effect_file
 from rigctl.model import Model, StatedValue, load_model, stated_values
+from rigctl.model.fit.assumptions import Conditional
 from rigctl.project import find_file
 from rigctl.report.answer import Answer
 from rigctl.units import significant
@@ -81,7 +82,7 @@ def _show(changed: Changed, family: str | None, *, verbose: bool) -> None:
         facts += [
             ("error", error_change(done.before, done.after)),
             ("held out", held_out_change(done.before, done.after)),
-            ("fitted", _in_words(fitted)),
+            ("fitted", _in_words(fitted, changed.conditional)),
         ]
         more = ["every channel's error as bars", *counted(len(fitted), "fitted parameter")]
     answer = Answer(
@@ -97,7 +98,7 @@ def _show(changed: Changed, family: str | None, *, verbose: bool) -> None:
         if done.before.chi2_reduced is not None and done.after.chi2_reduced is not None:
             before, after = significant(done.before.chi2_reduced), significant(done.after.chi2_reduced)
             echo(f"  reduced χ²: {before} {old}, {after} {new}")
-        _show_values(changed.model)
+        _show_values(changed.model, changed.conditional)
     show_departures(changed.outside)
     echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
@@ -106,22 +107,29 @@ def _show(changed: Changed, family: str | None, *, verbose: bool) -> None:
         show_next(f"{command} --no-fit", "shows whether it agrees with them now")
 
 
-def _show_values(model: Model) -> None:
+def _show_values(model: Model, conditional: Mapping[str, Conditional]) -> None:
     """The parameters that were fitted."""
     shown = table("fitted parameter", "value", "", "unit")
     for stated in stated_values(model):
         if stated.fit:
             value, spread = value_texts(stated)
+            if stated.name in conditional:
+                value, spread = significant(stated.value, 2), conditional[stated.name].clause(stated.unit)
             shown.add_row(stated.name, value, escape(spread), escape(stated.unit))
     console().print(shown)
 
 
-def _in_words(fitted: Sequence[StatedValue]) -> str:
+def _texts(one: StatedValue, conditional: Conditional | None) -> tuple[str, ...]:
+    """A value, its standard deviation and its unit; or what it is over the ranges of assumed numbers."""
+    unit = "" if one.unit == "1" else one.unit
+    if conditional is None:
+        return (*value_texts(one), unit)
+    return (significant(one.value, 2), unit, conditional.clause(one.unit))
+
+
+def _in_words(fitted: Sequence[StatedValue], conditional: Mapping[str, Conditional]) -> str:
     """The first of the fitted parameters with their uncertainty; those of effects before the others."""
     first = sorted(fitted, key=lambda stated: "." not in stated.name)[:_NAMED]
-    parts = [
-        " ".join(filter(None, (one.name, *value_texts(one), "" if one.unit == "1" else one.unit)))
-        for one in first
-    ]
+    parts = [" ".join(filter(None, (one.name, *_texts(one, conditional.get(one.name))))) for one in first]
     remaining = len(fitted) - len(first)
     return ", ".join([*parts, *([f"and {remaining} more"] if remaining else [])])

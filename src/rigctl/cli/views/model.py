@@ -14,8 +14,9 @@ from rigctl.effects.declaration import Effect
 from rigctl.model import Model, StatedValue, Version, stated_values
 from rigctl.model.difference import ModelDifference, ValueDifference
 from rigctl.model.history.change import ModelError
+from rigctl.model.value_table import rounded
 from rigctl.report.terminal_bars import draw_bar
-from rigctl.units import known_digits, significant, with_uncertainty
+from rigctl.units import known_digits, parse_unit, significant, with_uncertainty
 
 #: the source of a value that the model file does not explain
 _SAID_BY = {
@@ -75,12 +76,19 @@ def _parameters(values: Sequence[StatedValue]) -> Table:
 
 def _whether_fitted(stated: StatedValue) -> str:
     """Whether a fit may change it, and its prior."""
+    if not stated.fit and stated.range is not None:
+        low, high = (f"{_in_unit(end, stated):.4g}" for end in stated.range)
+        return f"assumed, {low} to {high}"
     if not stated.fit:
-        return "fixed"
+        return stated.standing or "fixed"
     if stated.prior_values is None:
         return "fitted"
     value, std = stated.prior_values
     return f"fitted, prior {with_uncertainty(value, std)}"
+
+
+def _in_unit(si: float, stated: StatedValue) -> float:
+    return rounded(parse_unit(stated.unit).from_si(si))
 
 
 def value_texts(stated: StatedValue) -> tuple[str, str]:
@@ -139,6 +147,8 @@ def value_document(stated: StatedValue) -> dict[str, Any]:
         "fit": stated.fit,
         "prior": _prior(stated.prior_values),
         "undetermined": stated.undetermined,
+        "standing": stated.standing or None,
+        "range": None if stated.range is None else [_in_unit(end, stated) for end in stated.range],
         "fixed": stated.fixed,
         "origin": stated.origin,
         "from": stated.source or _SAID_BY[stated.origin],

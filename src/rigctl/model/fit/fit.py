@@ -110,7 +110,8 @@ class FitResult:
     @cached_property
     def model(self) -> Model:
         """The model with the fitted values, their standard deviations and the runs from which they come."""
-        known = set(self.problem.model.fitted) if self.solution is not None else set()
+        model = self.problem.model
+        known = {*model.fitted, *model.assumed} if self.solution is not None else set()
         changes = {
             unknown.name: float(value)
             for unknown, value in zip(self.problem.shared, self.values, strict=True)

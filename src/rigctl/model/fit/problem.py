@@ -31,6 +31,7 @@ from rigctl.model.fit.switching import (
 )
 from rigctl.model.fit.unknowns import (
     LocalUnknown,
+    assumed_unknowns,
     local_unknowns,
     shared_unknowns,
     start_values,
@@ -500,6 +501,7 @@ def make_problem(
         level=level,
         shared=(
             *shared_unknowns(model),
+            *assumed_unknowns(model),
             *habit_unknowns(measurements),
             *settings,
             *unrecorded_unknowns(measurements),

@@ -13,7 +13,8 @@ from typing import Any, Literal
 from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.fit.unknowns import NARROW, WIDE, parameter_unknown
+from rigctl.model.fit.unknowns import NARROW, WIDE, assumed_unknowns, parameter_unknown
+from rigctl.model.model import Model
 from rigctl.model.value_table import rounded
 from rigctl.physics.family import ParameterDeclaration
 from rigctl.units import parse_unit, show
@@ -37,6 +38,7 @@ class ReachedBound:
     widened: the bound was only a default, and was moved outwards.
     held: the fit ended at a bound.
     written: a user wrote the bound.
+    assumed: the parameter is an assumed number, and the bound the end of its range.
     """
 
     parameter: str
@@ -47,6 +49,7 @@ class ReachedBound:
     widened: bool
     held: bool
     written: bool
+    assumed: bool = False
 
     @property
     def decisive(self) -> bool:
@@ -60,6 +63,9 @@ class ReachedBound:
         if not self.held:
             beyond = f"{self.parameter} went beyond its usual {self.side} bound, {bound}"
             return f"{beyond}, which was widened: {value}"
+        if self.assumed:
+            end = f"{self.parameter} ended at the {self.side} end of its assumed range, {bound}"
+            return f"{end}: measure it, or state a wider range, first"
         if self.decisive:
             return f"{self.parameter} ended at its {self.side} bound, {bound}: widen it first"
         if self.written:
@@ -91,20 +97,30 @@ def reached_bounds(fitted: FitResult) -> tuple[ReachedBound, ...]:
         return ()
     problem, reached = fitted.problem, []
     for unknown, value in zip(problem.shared, fitted.values.tolist(), strict=True):
-        if unknown.name not in problem.model.fitted or "." in unknown.name:
+        before = _as_written(problem.model, unknown.name)
+        if before is None:
             continue
-        before = parameter_unknown(problem.model, unknown.name)
         side: Side = "lower" if value <= max(before.lower, unknown.lower) else "upper"
         bound = before.lower if side == "lower" else before.upper
         held = unknown.name in fitted.at_bound
         if held or not before.lower <= value <= before.upper:
             declared = problem.model.family.parameter(unknown.name)
             at = value if held else bound
-            default = _default_sides(declared, before)[side == "upper"]
+            assumed = before.prior is not None and unknown.name in problem.model.assumed
+            default = not assumed and _default_sides(declared, before)[side == "upper"]
             widened = bound not in (unknown.lower, unknown.upper)
             unit = _unit(fitted, unknown.name, declared)
-            reached.append(ReachedBound(unknown.name, at, value, side, unit, widened, held, not default))
+            reached.append(
+                ReachedBound(unknown.name, at, value, side, unit, widened, held, not default, assumed)
+            )
     return tuple(reached)
+
+
+def _as_written(model: Model, name: str) -> Unknown | None:
+    """A parameter of the family as an unknown with its bounds before any fit; None for any other unknown."""
+    if name in model.assumed:
+        return next(one for one in assumed_unknowns(model) if one.name == name)
+    return parameter_unknown(model, name) if name in model.fitted and "." not in name else None
 
 
 def decisive_bounds(fitted: FitResult) -> tuple[ReachedBound, ...]:
@@ -120,7 +136,12 @@ def beyond_defaults(fitted: FitResult) -> list[Unknown] | None:
     """
     if fitted.problem.measurements.table:
         return None
-    return _moved_outwards(fitted, _default_sides)
+    assumed = fitted.problem.model.assumed
+
+    def sides(declared: ParameterDeclaration, before: Unknown) -> tuple[bool, bool]:
+        return (False, False) if declared.name in assumed else _default_sides(declared, before)
+
+    return _moved_outwards(fitted, sides)
 
 
 def beyond_written(fitted: FitResult) -> list[Unknown] | None:
@@ -155,13 +176,14 @@ def _moved_outwards(
 ) -> list[Unknown] | None:
     """The shared unknowns, starting at the fit, with those `sides` that hold it moved outwards."""
     problem = fitted.problem
-    held = fitted.at_bound & set(problem.model.fitted)
+    held = fitted.at_bound & {*problem.model.fitted, *problem.model.assumed}
     unknowns, moved = [], False
     for unknown, value in zip(problem.shared, fitted.values.tolist(), strict=True):
         one = unknown
         if unknown.name in held and "." not in unknown.name:
             declared = problem.model.family.parameter(unknown.name)
-            low, high = sides(declared, parameter_unknown(problem.model, unknown.name))
+            before = _as_written(problem.model, unknown.name)
+            low, high = (False, False) if before is None else sides(declared, before)
             if low and value <= unknown.lower:
                 one = replace(one, lower=_further(unknown.lower, -1.0, declared))
             elif high and value >= unknown.upper:

@@ -69,6 +69,23 @@ def parameter_unknown(model: Model, name: str) -> Unknown:
     )
 
 
+def assumed_unknowns(model: Model) -> list[Unknown]:
+    """The assumed numbers that no fit changes, with priors as wide as their ranges.
+
+    The prior's mean is the assumed value: where the data say nothing, it stays there. Its standard deviation
+    is that of a uniform distribution over the range.
+    """
+    unknowns = []
+    for name, (low, high) in model.assumed.items():
+        value = model.values[name]
+        prior = Prior(value, _spread(low, high))
+        unit = si_unit(model.family.parameter(name).unit)
+        unknowns.append(
+            Unknown(name, value, low, high, scale=abs(value) or high - low, prior=prior, unit=unit)
+        )
+    return unknowns
+
+
 def effect_unknown(effect: Effect, name: str, start: float | None = None) -> Unknown:
     """A parameter of an effect as an unknown, from its typical size unless `start` is given."""
     declared = effect.parameter(name)

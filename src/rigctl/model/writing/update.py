@@ -151,9 +151,18 @@ def _fields(
     if changed:
         fields["value"] = value_text(value.si, unit, std=std, difference=difference, low=low, high=high)
     fields["fit"] = "true" if value.fit else None
+    fields["standing"] = value.standing or None
+    fields["range"] = _range_text(value.range, unit, difference=difference)
     fields["std"] = None if std is None else std_text(std, unit)
     fields["from"] = _word(value.source) if value.source else None
     return fields
+
+
+def _range_text(limits: tuple[float, float] | None, unit: str, *, difference: bool) -> str | None:
+    if limits is None:
+        return None
+    low, high = (value_text(end, unit, difference=difference) for end in limits)
+    return f"[{low}, {high}]"
 
 
 def _word(text: str) -> str:

@@ -22,6 +22,7 @@ from rigctl.physics.formulas import reserved_names
 from rigctl.physics.interpolation import Curve
 from rigctl.physics.scope import Scope
 from rigctl.physics.si_unit import si_unit
+from rigctl.physics.standing import Standing, range_of
 from rigctl.physics.user.formula import AFTER, BEFORE, unwritten
 from rigctl.physics.user.schema import (
     ConstantField,
@@ -126,13 +127,34 @@ def _parameter(name: str, field: ParameterField) -> ParameterDeclaration:
     if not low <= field.value.si <= high:
         expected = " to ".join(map(str, field.bounds))
         raise RigctlError("the value is out of bounds", value=str(field.value), expected=expected)
-    return ParameterDeclaration(name, unit, field.value.si, field.meaning, low, high)
+    return ParameterDeclaration(
+        name, unit, field.value.si, field.meaning, low, high, False, (False, False), *_standing(name, field)
+    )
 
 
 def _constant(name: str, field: ConstantField) -> ParameterDeclaration:
+    standing, limits = _standing(name, field)
     return ParameterDeclaration(
-        name, _unit(field.value), field.value.si, field.meaning, low=-float("inf"), fixed=True
+        name,
+        _unit(field.value),
+        field.value.si,
+        field.meaning,
+        low=-float("inf"),
+        fixed=standing != "assumed",  # a guess has derivatives: it is no number in the equations
+        standing=standing,
+        range=limits,
     )
+
+
+def _standing(
+    name: str, field: ParameterField | ConstantField
+) -> tuple[Standing, tuple[float, float] | None]:
+    """How well a value is known, and the range of a guess, SI."""
+    unit = _unit(field.value)
+    stated = None if field.range is None else tuple(in_dimension(end, unit) for end in field.range)
+    standing = field.standing or ""
+    low_high = None if stated is None else (stated[0], stated[1])
+    return standing, range_of(name, field.value.si, unit, standing, low_high)
 
 
 def _definition(name: str, field: FormulaField) -> Definition:

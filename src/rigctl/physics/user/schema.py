@@ -108,6 +108,13 @@ class ParameterField(_Part):
 
     value: AnyQuantity = Field(description="where a model starts from, with its unit")
     bounds: tuple[AnyQuantity, AnyQuantity] = Field(description="the lowest and the highest value")
+    standing: Literal["measured", "assumed", "exact"] | None = Field(
+        default=None, description="how well the value is known; an assumed one is a guess"
+    )
+    range: tuple[AnyQuantity, AnyQuantity] | None = Field(
+        default=None,
+        description="of an assumed value, within which fits let it be anything; by default half to twice it",
+    )
     meaning: str = Field(default="", description="its symbol and what it stands for")
 
 
@@ -115,6 +122,13 @@ class ConstantField(_OrValue):
     """A number that no fit changes: ``9.80665 m/s^2``, or ``{value: 50 mm, meaning: bore}``."""
 
     value: AnyQuantity = Field(description="with its unit; a rig file may have its own of the same name")
+    standing: Literal["measured", "assumed", "exact"] | None = Field(
+        default=None, description="how well the value is known; an assumed one is a guess"
+    )
+    range: tuple[AnyQuantity, AnyQuantity] | None = Field(
+        default=None,
+        description="of an assumed value, within which fits let it be anything; by default half to twice it",
+    )
     meaning: str = Field(default="", description="what it is")
 
 
