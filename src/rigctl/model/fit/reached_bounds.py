@@ -119,7 +119,7 @@ def reached_bounds(fitted: FitResult) -> tuple[ReachedBound, ...]:
 def _as_written(model: Model, name: str) -> Unknown | None:
     """A parameter of the family as an unknown with its bounds before any fit; None for any other unknown."""
     if name in model.assumed:
-        return next(one for one in assumed_unknowns(model) if one.name == name)
+        return {one.name: one for one in assumed_unknowns(model)}[name]
     return parameter_unknown(model, name) if name in model.fitted and "." not in name else None
 
 
