@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from commands import answer, told
+from commands import answer, refusal, told
 from rigctl.analysis.comparison import compare
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing.bring_in import import_file
@@ -148,6 +148,18 @@ def test_commands_give_sizes_over_the_range(tmp_path: Path, monkeypatch: pytest.
     assert again.assumed["resistance"] == (0.4, 3.0)
     assert again.parameters["resistance"].standing == "assumed"
     assert answer("compare", "latest", "--model", "models/spindle.yaml", "--no-fit")["adequate"] is True
+
+
+def test_model_set_changes_the_standing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spindle(tmp_path, family=", standing: assumed, range: [0.4 ohm, 3 ohm]")
+    monkeypatch.chdir(tmp_path)
+    path = "models/spindle.yaml"
+    told("model", "set", path, "resistance=1.7 ohm", "--standing", "resistance=measured")
+    model = load_model(tmp_path / path)
+    assert (model.parameters["resistance"].standing, dict(model.assumed)) == ("measured", {})
+    told("model", "set", path, "--standing", "resistance=assumed")
+    assert load_model(tmp_path / path).assumed["resistance"] == pytest.approx((0.85, 3.4))
+    assert "did you mean 'measured'" in refusal("model", "set", path, "--standing", "resistance=measure")
 
 
 @pytest.mark.parametrize(

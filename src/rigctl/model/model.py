@@ -21,7 +21,7 @@ from rigctl.model.build import build_system, superset
 from rigctl.model.values import parameter_values
 from rigctl.notebook import as_html, one_line
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.standing import Standing, range_of
+from rigctl.physics.standing import STANDINGS, Standing, range_of
 from rigctl.rig.rig import Rig
 
 if TYPE_CHECKING:
@@ -311,6 +311,26 @@ class Model:
                     range=limits if limits is None or limits[0] <= given.si <= limits[1] else None,
                 )
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
+
+    def with_standing(self, name: str, standing: str) -> Model:
+        """The model with another standing of a parameter of its family; a range stays only of an assumed one.
+
+        Raises
+        ------
+        RigctlError
+            there is no such parameter or standing, or the parameter is a number in the equations.
+        """
+        if standing not in STANDINGS:
+            raise unknown_name("standing", standing, STANDINGS)
+        declared = self.family.parameter(name)
+        if standing == "assumed" and declared.fixed:
+            raise RigctlError(f"{name} is a number in the equations", hint="Write it in the family file")
+        value = self.values[name]
+        old = self.parameters.get(name, Value(value))
+        limits = self.assumed.get(name, old.range) if standing == "assumed" else None
+        range_of(name, value, declared.unit, STANDINGS[standing], limits)
+        changed = replace(old, standing=STANDINGS[standing], range=limits)
+        return replace(self, parameters=MappingProxyType({**self.parameters, name: changed}))
 
     def _knowing(self, effect: Effect) -> Model:
         """The model with `effect` among those that it may name, unless the library has it."""

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, Literal, TypeAlias
 
 from rigctl.errors import RigctlError
 from rigctl.units import parse_unit, show
 
 #: "" where a file does not say it: such a number counts as exact
 Standing: TypeAlias = Literal["", "measured", "assumed", "exact"]
+#: by name
+STANDINGS: Final[Mapping[str, Standing]] = MappingProxyType(
+    {"measured": "measured", "assumed": "assumed", "exact": "exact"}
+)
 #: range of an assumed number whose file states none, as a factor to either side
 FACTOR = 2.0
 

@@ -257,6 +257,14 @@ def set_values(
         list[str] | None,
         typer.Option("--remove", metavar="EFFECT", help="Also remove this effect.", show_default=False),
     ] = None,
+    standing: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=STANDING",
+            help="How well a parameter that no fit changes is known: measured, assumed or exact; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
     runs: Annotated[
         list[str] | None,
         typer.Option(
@@ -283,6 +291,8 @@ def set_values(
       rigctl model set models/hl32-textbook.yaml "flow_area=3.9 mm^2" --run latest
 
       rigctl model set models/hl32-textbook.yaml --add "valve_leakage:conductance=7e-15 m^3" --run latest
+
+      rigctl model set models/motor.yaml "resistance=1.7 ohm" --standing resistance=measured
     """
     from rigctl.cli.commands.model_changes import carry_out
     from rigctl.cli.commands.model_settings import settings_wanted
@@ -291,7 +301,12 @@ def set_values(
 
     path = own_model(model)
     wanted = settings_wanted(
-        load_model(path), values or (), add_effect or (), remove_effect or (), (hold_out, only, assume or ())
+        load_model(path),
+        values or (),
+        add_effect or (),
+        remove_effect or (),
+        (hold_out, only, assume or ()),
+        standing or (),
     )
     carry_out(path, wanted, runs or (), family=family, as_json=as_json, verbose=verbose)
 
