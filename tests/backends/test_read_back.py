@@ -79,6 +79,8 @@ def test_an_output_that_was_read_as_off_is_off_when_the_line_dies_later() -> Non
     with pytest.raises(OutputsNotSafe) as told:
         board.bench.safe()
     assert told.value.outputs == {}
+    assert told.value.unseen_since is not None
+    assert board.duty.outputs is Outputs.DRIVEN, "a restart may switch it on: its guard goes on"
 
 
 def test_a_device_that_cannot_be_made_safe_is_not_opened() -> None:
