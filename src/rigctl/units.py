@@ -499,6 +499,7 @@ def significant(value: float, digits: int = 4, *, sign: bool = False) -> str:
     """A value in significant digits: ``2090`` rather than ``2.09e+03``, with a power of ten only from 1e6
     upwards and below 1e-4; with `sign`, a positive value has a plus sign.
     """
+    value += 0.0  # no negative zero
     text = f"{value:+.{digits}g}" if sign else f"{value:.{digits}g}"
     if "e+" not in text or abs(rounded := float(text)) >= 10.0**_LARGE:
         return text

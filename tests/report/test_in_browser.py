@@ -178,7 +178,7 @@ def answer_page(published: Run, tmp_path_factory: pytest.TempPathFactory) -> Pat
     after = replace(off, outputs=tuple(one - [[0.0, 0.01]] for one in off.outputs))
     answer = Answer("warn", "An effect is missing", "something is there", (("how sure", "very"),))
     top = answer_section(
-        answer, NamedModels(("before", "after"), (after, off), {"position": 20.0}), about="own.yaml"
+        answer, NamedModels(("before", "after"), (after, off), ({}, {"position": 20.0})), about="own.yaml"
     )
     maps = channel_maps(cast("ModelComparison", SimpleNamespace(fit=off)), "map")
     body = Markup().join(heat_map_table(one) for one in maps)

@@ -10,15 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from made_fit import RECORDS, UNITS, made_fit, made_noise
 from rigctl.analysis.diagnosis_result import FoundParameter
 from rigctl.model import load_model
+from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import Measurements
 from rigctl.report.analysis.overlay import fall_plot, running_mean
+from rigctl.report.answer import error_text
 from rigctl.report.everyday_units import everyday
-from rigctl.report.systematic import falls
+from rigctl.report.systematic import falls, left_of_fit
 
 TEXTBOOK = Path(__file__).parents[2] / "models" / "hl32-textbook.yaml"
 #: of the position, in SI: a third of the noise of one reading
@@ -36,10 +40,10 @@ def test_a_reduction_of_the_error_below_the_noise_is_shown() -> None:
     before, after = before_and_after()
     rmse = [fit.errors["position"].rmse for fit in (before, after)]
     assert 1.0 < rmse[0] / rmse[1] < 1.1  # which looks insignificant
-    position, pressure = falls([before, after], {})
+    position, pressure = falls([before, after], [left_of_fit(before), {}])
     readings = RECORDS * before.outputs[0].shape[0]
-    assert position.sizes == (pytest.approx(OFF / 0.1 * readings**0.5, rel=0.15), 0.0)
-    assert position.amounts[0] == pytest.approx(1e3 * OFF, rel=0.15)  # mm
+    assert position.sizes == (pytest.approx(OFF / 0.1 * readings**0.5, rel=0.2), 0.0)
+    assert position.amounts[0] == pytest.approx(1e3 * OFF, rel=0.2)  # mm
     assert position.changed
     assert position.sigmas(1) == "within the noise"
     assert position.amount(1) == ""
@@ -50,15 +54,59 @@ def test_slow_noise_is_not_a_systematic_error() -> None:
     for seed in range(5):
         fit = made_fit(made_noise(0.9), seed)
         hair = replace(fit, outputs=tuple(outputs + 1e-4 for outputs in fit.outputs))
-        assert not any(one.changed for one in falls([fit, hair], {}))
+        assert not any(one.changed for one in falls([fit, hair], [{}, {}]))
 
 
-def test_a_given_remainder_is_included_in_the_errors_before_and_after() -> None:
+def test_each_size_is_that_of_its_model_alone() -> None:
     before, after = before_and_after()
-    position = next(one for one in falls([before, after], {"position": 20.0}) if one.channel == "position")
-    assert position.sizes[1] == 20.0
-    assert position.sizes[0] > 20.0
+    alone = next(one for one in falls([before], [{"position": 30.0}]) if one.channel == "position")
+    both = falls([before, after], [{"position": 30.0}, {"position": 20.0}])
+    position = next(one for one in both if one.channel == "position")
+    assert position.sizes == (30.0, 20.0)
+    assert (position.sizes[0], position.amounts[0]) == (alone.sizes[0], alone.amounts[0])
     assert position.amounts[1] > 0.0
+
+
+def test_a_fall_within_the_noise_is_named_as_one() -> None:
+    position, _ = falls(before_and_after(), [{}, {}])
+    assert position.sizes == (0.0, 0.0)
+    assert position.changed
+    text = error_text([position]).partition("; the noise of")[0]
+    assert text == f"within the noise before and after, falls on position by {position.hidden_fall}"
+
+
+def test_what_a_test_rejects_is_not_within_the_noise() -> None:
+    before, _ = before_and_after()
+    quiet = [replace(one, guessed=False) for one in falls([before], [{}])]
+    assert error_text(quiet) == "within the noise on every channel"
+    assert error_text(quiet, "test 'score', p < 1e-6") == (
+        "no larger than the noise on any channel, but not random (test 'score', p < 1e-6)"
+    )
+
+
+@given(
+    noise=st.floats(1e-4, 10.0), off=st.floats(0.0, 100.0), share=st.floats(0.0, 1.0), seed=st.integers(0, 9)
+)
+def test_a_systematic_error_is_never_larger_than_the_error(
+    noise: float, off: float, share: float, seed: int
+) -> None:
+    """And the same where the noise is negligible; in the unit of the channel."""
+    rng = np.random.default_rng(seed)
+    error = off * rng.standard_normal(400)
+    rmse = float(np.sqrt(np.mean(error**2)))
+    made = ChannelError(rmse, 0.0, 0.0, noise, rmse / noise, (rmse / noise) ** 2, 0.9, error.size)
+    most = (max((rmse / noise) ** 2 - 1.0, 0.0) * error.size) ** 0.5
+    fit = SimpleNamespace(
+        errors={"position": made},
+        problem=SimpleNamespace(
+            measurements=SimpleNamespace(outputs=("position",), units=("mm",), titles={}),
+            noise=SimpleNamespace(channels=[SimpleNamespace(name="position", guessed=False)]),
+        ),
+    )
+    (position,) = falls([fit], [{"position": share * most}])  # type: ignore[list-item]
+    assert position.amounts[0] <= 1e3 * rmse * (1.0 + 1e-9)
+    if rmse > 100.0 * noise and not position.within(0):
+        assert position.amounts[0] == pytest.approx(1e3 * rmse, rel=1e-3)
 
 
 def test_a_residual_below_the_noise_is_drawn_as_means_that_make_it_visible() -> None:

@@ -101,7 +101,7 @@ def named_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any) -
     models = [load_version(path, number) for number in numbers]
     data = read_runs(models[0], runs, **choice)
     fits = tuple(fit_to_data(model, data) for model in models)
-    return NamedModels(tuple(f"version {number}" for number in numbers), fits, left_of_fit(fits[-1]))
+    return NamedModels(tuple(f"version {number}" for number in numbers), fits, tuple(map(left_of_fit, fits)))
 
 
 def _versions_with_errors(path: Path) -> list[int]:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import plural
@@ -50,7 +51,7 @@ def comparison_answer(model: ModelComparison) -> Answer:
     """How well one model agrees, and where it fails most."""
     facts = [("fit", fit_text(model))]
     if not model.adequacy.undecided:  # where the noise is not known, no error is within it or beyond
-        facts.append(("error", error_text(falls([model.fit], left_of(model)))))
+        facts.append(("error", error_text(falls([model.fit], [left_of(model)]), pattern_of(model))))
     verdict = model.adequacy.verdict
     if verdict is False:
         facts += [("mostly at", _most(model)), ("lacks", "" if model.bounded else _wanted(model))]
@@ -72,7 +73,8 @@ def models_answer(models: Sequence[ModelComparison]) -> Answer:
     if len(models) == 1:
         return last
     fits = [model.fit for model in models]
-    facts = [("error", error_text(falls(fits, left_of(models[-1])))), ("held out", held_out_text(fits))]
+    lefts = [left_of(model) for model in models]
+    facts = [("error", error_text(falls(fits, lefts))), ("held out", held_out_text(fits))]
     facts += [(head, text) for head, text in last.facts if head not in ("error", "held out")]
     facts.sort(key=lambda fact: fact[0] != "fit")
     return replace(last, facts=nonempty(facts))
@@ -93,8 +95,21 @@ def nonempty(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
     return tuple((head, text) for head, text in facts if text)
 
 
-def error_text(channel_falls: Sequence[ChannelFall]) -> str:
-    """The systematic error of each channel; for two models, of those where it changed."""
+def pattern_of(model: ModelComparison) -> str:
+    """The test that rejects a model most clearly, with its probability; "" if none does."""
+    if model.adequacy.verdict is not False or not model.adequacy.tests:
+        return ""
+    name, test = min(model.adequacy.tests.items(), key=lambda one: one[1].p_value)
+    return f"test '{name}', {chance_text(test.p_value)}"
+
+
+def error_text(channel_falls: Sequence[ChannelFall], pattern: str = "") -> str:
+    """The systematic error of each channel; for two models, of those where it changed.
+
+    Parameters
+    ----------
+    pattern: what rejects the only model, whether or not its error is larger than the noise; see `pattern_of`.
+    """
     if not channel_falls:
         return ""
     guessed = [one.channel for one in channel_falls if one.guessed]
@@ -103,8 +118,17 @@ def error_text(channel_falls: Sequence[ChannelFall]) -> str:
         changed = [one for one in channel_falls if one.changed]
         if not changed:
             return f"unchanged in every channel: {_state(channel_falls, -1)}{note}"
-        sizes = [f"{one.channel} from {_size(one, 0)} to {_size(one, -1)}" for one in changed]
-        return f"beyond the noise, {'; '.join(sizes)}{note}"
+        hidden = [f"{one.channel} by {one.hidden_fall}" for one in changed if one.hidden_fall]
+        sizes = [
+            f"{one.channel} from {_size(one, 0)} to {_size(one, -1)}"
+            for one in changed
+            if not one.hidden_fall
+        ]
+        parts = [f"beyond the noise, {'; '.join(sizes)}"] if sizes else []
+        parts += [f"within the noise before and after, falls on {', '.join(hidden)}"] if hidden else []
+        return f"{'; '.join(parts)}{note}"
+    if pattern and all(one.within(0) for one in channel_falls):
+        return f"no larger than the noise on any channel, but not random ({pattern}){note}"
     return f"{_state(channel_falls, 0)}{note}"
 
 

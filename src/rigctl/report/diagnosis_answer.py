@@ -12,9 +12,9 @@ from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
 from rigctl.analysis.remainder import share_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
-from rigctl.report.answer import Answer, Tone, error_text, fit_text, nonempty
+from rigctl.report.answer import Answer, Tone, error_text, fit_text, nonempty, pattern_of
 from rigctl.report.everyday_units import everyday
-from rigctl.report.systematic import falls, left_of, left_of_diagnosis
+from rigctl.report.systematic import falls, left_of, lefts_of_diagnosis
 from rigctl.units import parse_unit, significant
 
 _TONES: dict[Verdict, Tone] = {
@@ -33,7 +33,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     if diagnosis.verdict is Verdict.ADEQUATE and not diagnosis.doubt:
         facts = [
             ("fit", fit_text(diagnosis.before)),
-            ("error", error_text(falls([diagnosis.before.fit], left_of(diagnosis.before)))),
+            ("error", error_text(falls([diagnosis.before.fit], [left_of(diagnosis.before)]))),
         ]
     else:
         facts = [
@@ -55,7 +55,10 @@ def _error(diagnosis: Diagnosis) -> str:
     """The systematic error; "" where the noise is not known, and no error is within it or beyond."""
     if diagnosis.verdict is Verdict.UNDECIDED:
         return ""
-    return error_text(falls(_fits(diagnosis), left_of_diagnosis(diagnosis)))
+    fits = _fits(diagnosis)
+    if len(fits) == 1:
+        return error_text(falls(fits, [left_of(diagnosis.before)]), pattern_of(diagnosis.before))
+    return error_text(falls(fits, lefts_of_diagnosis(diagnosis)))
 
 
 def _fits(diagnosis: Diagnosis) -> list[FitResult]:
@@ -67,13 +70,14 @@ def improvement_answer(improvement: Improvement) -> Answer:
     """What was added, how the error changed, and what the current model still lacks."""
     text = improvement.statement
     fits = [*([improvement.first.before.fit] if improvement.steps else []), improvement.last.before.fit]
+    lefts = [left_of(one.before) for one in (improvement.first, improvement.last)][-len(fits) :]
     facts = [
         *(
             (f"version {step.version.number}", _added(improvement.steps[number].diagnosis, step.effects))
             for number, step in enumerate(improvement.steps)
         ),
         ("ambiguous", _not_distinguished(improvement.steps)),
-        ("error", error_text(falls(fits, left_of(improvement.last.before)))),
+        ("error", error_text(falls(fits, lefts))),
         *(("no fit saw", one.sentences[0]) for one in improvement.unseen),
     ]
     if improvement.ended is not ImprovementEnd.ADEQUATE:

@@ -15,21 +15,21 @@ from rigctl.report.systematic import falls
 
 
 def learning_answer(
-    learned: Learned, fits: Sequence[FitResult] = (), remaining: Mapping[str, float] | None = None
+    learned: Learned, fits: Sequence[FitResult] = (), remaining: Sequence[Mapping[str, float]] = ()
 ) -> Answer:
     """The end of a learning loop, the added effects, the change of the error, and the tested predictions.
 
     Parameters
     ----------
     fits: of the original and the current model, on all measurements; without them the error is not stated.
-    remaining: of the last of them, as of `systematic.falls`.
+    remaining: of each of them, as of `systematic.falls`.
     """
     good = learned.ended is LearningEnd.ADEQUATE
     predictions = [f"round {one.number}: {one.achieved.statement}" for one in learned.rounds if one.achieved]
     facts = [
         ("added", ", ".join(f"{name} (version {v})" for one in learned.rounds for name, v in one.added)),
         ("size", sizes_in(fits[-1].problem, learned.added) if fits else ""),
-        ("error", error_text(falls(fits, remaining or {})) if fits else ""),
+        ("error", error_text(falls(fits, remaining)) if fits else ""),
         ("held out", held_out_text(fits) if fits else ""),
         ("predicted", "; ".join(predictions[-1:])),
         (

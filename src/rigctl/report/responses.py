@@ -168,12 +168,13 @@ def _quantities(pairs: Sequence[tuple[RunData, RecordData]]) -> list[_Quantity]:
             motion = motions[run.id]
             return None if motion is None else stroke(run, record, motion)
 
-        quantities["stroke"] = _Quantity("stroke", known[0].position.unit, stroke_of, STROKE_ORIGIN)
+        measured = any(one.name == "stroke" for _, record in pairs for one in record.measures)
+        origin = "" if measured else STROKE_ORIGIN
+        quantities["stroke"] = _Quantity("stroke", known[0].position.unit, stroke_of, origin)
     for _, record in pairs:
-        for measured in record.measures:
-            if measured.name not in quantities:
-                value = _measure_named(measured.name, measured.unit)
-                quantities[measured.name] = _Quantity(measured.name, measured.unit, value)
+        for one in record.measures:
+            if one.name not in quantities:
+                quantities[one.name] = _Quantity(one.name, one.unit, _measure_named(one.name, one.unit))
     return list(quantities.values())
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from rigctl.report.run_data import RecordData, RunData, Signal
-from rigctl.units import parse_unit
+from rigctl.report.run_data import Measured, RecordData, RunData, Signal
+from rigctl.units import convert, parse_unit
 
 #: time over which the position is averaged, before the valve opens and after the piston has come to rest;
 #: also the settling time after the valve has closed, s
@@ -39,14 +40,21 @@ def find_motion(run: RunData) -> Motion | None:
     return Motion(positions[0], valves[0]) if len(positions) == 1 and len(valves) == 1 else None
 
 
+def _in_unit(measured: Measured, unit: str) -> float | None:
+    if not math.isfinite(measured.value):
+        return None
+    return convert(measured.value, measured.unit, unit) if measured.unit != unit else measured.value
+
+
 def _is_valve(signal: Signal) -> bool:
     """True for a command that takes both directions and no intermediate value but neutral."""
     return {-1.0, 1.0} <= set(np.unique(signal.values[~np.isnan(signal.values)])) <= {-1.0, 0.0, 1.0}
 
 
 def stroke(run: RunData, record: RecordData, motion: Motion) -> float | None:
-    """End minus start of a record's first extension, in the position's unit.
+    """End minus start of a record's first extension, in the position's unit: as the procedure measured it.
 
+    If the procedure has no measure of that name, it is computed from the position.
     The start is the mean position over the last `REST` before the valve opens. The end is the mean from
     `REST` to 2 `REST` after it has closed: the piston has come to rest, and leakage has not yet moved it.
     Where the next command follows sooner, the last sample before it counts.
@@ -55,6 +63,9 @@ def stroke(run: RunData, record: RecordData, motion: Motion) -> float | None:
     -------
     None if the record has no complete extension.
     """
+    measured = [one for one in record.measures if one.name == "stroke"]
+    if measured:
+        return _in_unit(measured[-1], motion.position.unit)
     time = run.time[record.rows]
     position = motion.position.values[record.rows]
     command = motion.command.values[record.rows]

@@ -41,7 +41,8 @@ class ChannelFall:
     title, unit: of the channel, as it is shown.
     noise: standard deviation of one reading, in `unit`.
     sizes: S of each model, in sigmas of all readings together; 0 if not distinguished from noise.
-    amounts: root mean square of the systematic error of each model, in `unit`; NaN where noise hides it.
+    amounts: root mean square of the systematic error of each model, in `unit`; 0 where noise hides it.
+    difference: by how much X of the first exceeds that of the last, whatever the noise.
     guessed: whether the noise is only a guess, and so the systematic error too.
     """
 
@@ -51,12 +52,20 @@ class ChannelFall:
     noise: float
     sizes: tuple[float, ...]
     amounts: tuple[float, ...]
+    difference: float
     guessed: bool
 
     @property
     def changed(self) -> bool:
         """Whether the last model's differs from the first's by more than chance."""
-        return abs(self.sizes[0] ** 2 - self.sizes[-1] ** 2) > _FLOOR**2
+        return abs(self.difference) > _FLOOR**2
+
+    @property
+    def hidden_fall(self) -> str:
+        """``8.3 sigma``, by which an error that is within the noise before and after falls; "" otherwise."""
+        if not (self.within(0) and self.within(-1) and self.difference > 0.0):
+            return ""
+        return _in_sigmas(math.sqrt(self.difference))
 
     def within(self, index: int) -> bool:
         """Whether the error of that model is within the noise."""
@@ -64,14 +73,7 @@ class ChannelFall:
 
     def sigmas(self, index: int) -> str:
         """``41 sigma``, or a note that it is within the noise."""
-        size = self.sizes[index]
-        return (
-            "within the noise"
-            if self.within(index)
-            else f"{size:.0f} sigma"
-            if size >= 10.0
-            else f"{size:.1f} sigma"
-        )
+        return "within the noise" if self.within(index) else _in_sigmas(self.sizes[index])
 
     @property
     def noise_text(self) -> str:
@@ -84,18 +86,24 @@ class ChannelFall:
         return f"{_two(amount)} {self.unit}".strip() if not self.within(index) and amount > 0.0 else ""
 
 
+def _in_sigmas(size: float) -> str:
+    return f"{size:.0f} sigma" if size >= 10.0 else f"{size:.1f} sigma"
+
+
 def _two(value: float) -> str:
     if 1e-4 < abs(value) < 10.0:
         return f"{value:#.2g}"
     return f"{value:.0f}" if 10.0 <= abs(value) < 1e4 else number(value, 2)
 
 
-def falls(fits: Sequence[FitResult], remaining: Mapping[str, float]) -> tuple[ChannelFall, ...]:
+def falls(fits: Sequence[FitResult], remaining: Sequence[Mapping[str, float]]) -> tuple[ChannelFall, ...]:
     """By channel, for models on the same data; ordered by the error of the first model.
+
+    Each size is that of its model alone: a comparison and a diagnosis state the same one.
 
     Parameters
     ----------
-    remaining: S of the last model, for the channels where it exceeds the noise; see `left_of`.
+    remaining: S of each model, for the channels where it exceeds the noise; see `left_of`.
     """
     problem = fits[0].problem
     measurements = problem.measurements
@@ -106,27 +114,24 @@ def falls(fits: Sequence[FitResult], remaining: Mapping[str, float]) -> tuple[Ch
             continue
         unit = parse_unit(shown)
         errors = [fit.errors[name] for fit in fits]
-        last, rest = errors[-1], remaining.get(name, 0.0)
-        base = last.nrmse**2 - _amplitude(last, rest) ** 2
-        more = [max(one.count * (one.chi2_reduced - last.chi2_reduced), 0.0) for one in errors]
-        sizes = [math.sqrt(rest**2 + one) for one in more]
+        first, last = errors[0], errors[-1]
+        sizes = [size if size > _FLOOR else 0.0 for size in (left.get(name, 0.0) for left in remaining)]
+        shares = [_amplitude(error, size) for error, size in zip(errors, sizes, strict=True)]
         result.append(
             ChannelFall(
                 channel=name,
                 title=measurements.titles.get(name, name),
                 unit="K" if unit.offset else symbol(shown),
                 noise=errors[0].noise / unit.factor,
-                sizes=tuple(size if size > _FLOOR else 0.0 for size in sizes),
-                amounts=tuple(_rest(one.nrmse, base) * one.noise / unit.factor for one in errors),
+                sizes=tuple(sizes),
+                amounts=tuple(
+                    share * error.noise / unit.factor for share, error in zip(shares, errors, strict=True)
+                ),
+                difference=first.count * (first.chi2_reduced - last.chi2_reduced),
                 guessed=guessed[name],
             )
         )
     return tuple(sorted(result, key=lambda one: -max(one.sizes)))
-
-
-def _rest(normalised: float, base: float) -> float:
-    """Root of the excess of a mean square over `base`."""
-    return math.sqrt(max(normalised**2 - base, 0.0))
 
 
 def _amplitude(error: ChannelError, size: float) -> float:
@@ -170,16 +175,18 @@ def left_of_fit(fit: FitResult) -> dict[str, float]:
     return sizes
 
 
-def left_of_diagnosis(diagnosis: Diagnosis) -> dict[str, float]:
-    """S of the model with the effects found: the remainder of the diagnosis, divided by channel like its
-    squares."""
+def lefts_of_diagnosis(diagnosis: Diagnosis) -> list[dict[str, float]]:
+    """S of the model, and with effects found that with them: the remainder of the diagnosis, divided by
+    channel like its squares."""
+    before = left_of(diagnosis.before)
     if not diagnosis.best.candidates:
-        return left_of(diagnosis.before)
+        return [before]
     if diagnosis.remainder is None:
-        return {}
+        return [before, {}]
     errors = diagnosis.best.fit.errors
     parts = {name: max(one.count * (one.chi2_reduced - 1.0), 0.0) for name, one in errors.items()}
     total = sum(parts.values())
-    return {
+    after = {
         name: diagnosis.remainder.size * math.sqrt(part / total) for name, part in parts.items() if part > 0.0
     }
+    return [before, after]

@@ -111,7 +111,7 @@ def table_of(
     parts = _without_marks(parts, [index for index in wanted if index not in dated], times, options)
     faults = [fault for part in parts for fault in part.faults]
     if faults and not keep_good:
-        raise refuse(path, faults, len(faults) + sum(part.more_faults for part in parts))
+        raise refuse(path, faults, len(faults) + sum(part.more_faults for part in parts), imports=False)
     if not sum(len(part.lines) for part in parts):
         raise RigctlError("there is nothing in it", expected="rows of values", where=Location(path))
     columns = tuple(

@@ -181,10 +181,15 @@ def require_few_columns(path: Path, count: int, line: int | None) -> None:
         )
 
 
-def refuse(path: Path, faults: Sequence[Fault], count: int) -> RigctlError:
-    """Return the error for a file with `count` bad rows, row by row, and how to import the rest."""
+def refuse(path: Path, faults: Sequence[Fault], count: int, *, imports: bool = True) -> RigctlError:
+    """Return the error for a file with `count` bad rows, row by row, and how to import the rest.
+
+    Parameters
+    ----------
+    imports: by `rigctl import`, which alone can leave rows out.
+    """
     listed = [fault.error(path) for fault in faults[:_LISTED]]
-    hint = "'--keep-good' imports the other rows"
+    hint = "'--keep-good' imports the other rows" if imports else "Correct these rows, or leave them out"
     if any(fault.what == NOT_INCREASING for fault in faults):
         hint += "; '--times drop', 'spread' or 'split' deals with these times"
     elif any(fault.what == GOES_BACK for fault in faults):

@@ -53,7 +53,7 @@ def comparison_sections(comparison: Comparison, *, answered: bool = False) -> li
 def named_models(models: Sequence[ModelComparison]) -> NamedModels:
     """The models by their names on the page."""
     names = tuple(page_name(model) for model in models) if len(models) > 1 else ("model",)
-    return NamedModels(names, tuple(model.fit for model in models), left_of(models[-1]))
+    return NamedModels(names, tuple(model.fit for model in models), tuple(map(left_of, models)))
 
 
 def page_name(model: ModelComparison) -> str:

@@ -24,7 +24,7 @@ from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
-from rigctl.report.systematic import left_of_diagnosis
+from rigctl.report.systematic import lefts_of_diagnosis
 from rigctl.units import known_digits
 
 Floats = NDArray[np.float64]
@@ -66,7 +66,7 @@ def _answer(diagnosis: Diagnosis) -> list[Section]:
     model, best = diagnosis.before.fit, diagnosis.best
     names = ("as it is", f"with {' and '.join(map(plain_name, best.effects))}")
     fits = (model, best.fit) if best.candidates else (model,)
-    named = NamedModels(names if len(fits) > 1 else ("model",), fits, left_of_diagnosis(diagnosis))
+    named = NamedModels(names if len(fits) > 1 else ("model",), fits, tuple(lefts_of_diagnosis(diagnosis)))
     about = model_title(model.problem.model)
     answer = diagnosis_answer(diagnosis)
     top = answer_section(answer, named, about=about, sentence=_sentence(diagnosis, answer, about))

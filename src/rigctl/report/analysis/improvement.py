@@ -76,7 +76,9 @@ def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparis
 def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Path) -> Section:
     """The additions, each with its reason, and the change of the error."""
     first, last = versions[0], versions[-1]
-    named = NamedModels((first.name, last.name), (first.fit, last.fit), left_of(improved.last.before))
+    named = NamedModels(
+        (first.name, last.name), (first.fit, last.fit), (left_of(first), left_of(improved.last.before))
+    )
     about = f"{path.name}, {versions[-1].name}"
     top = answer_section(improvement_answer(improved), named, about=about)
     reasons = render(

@@ -50,7 +50,7 @@ def learning_sections(learned: Learned, model: Path, named: NamedModels | None =
     drawn = () if plot is None else (plot,)
     story = Section("learning", "What was learnt", body, drawn, folded=True, hint=hint)
     answer = learning_answer(
-        learned, () if named is None else named.fits, None if named is None else named.left
+        learned, () if named is None else named.fits, () if named is None else named.left
     )
     about = f"{model.name}, version {learned.version}"
     return [answer_section(answer, named, about=about), story, *history_sections(model)]

@@ -33,12 +33,12 @@ class NamedModels:
     """Models on the same data, by their names on the page: the first is the original, the last the current
     one.
 
-    `left` is the last one's systematic error, as of `rigctl.report.systematic.falls`.
+    `left` is the systematic error of each, as of `rigctl.report.systematic.falls`.
     """
 
     names: tuple[str, ...]
     fits: tuple[FitResult, ...]
-    left: Mapping[str, float]
+    left: tuple[Mapping[str, float], ...]
 
     @property
     def timed(self) -> bool:
@@ -71,6 +71,7 @@ def answer_section(answer: Answer, named: NamedModels | None, *, about: str, sen
     """
     channel_falls = falls(named.fits, named.left) if named is not None else ()
     shown = [one for one in channel_falls if _shows(one)]
+    error = next((text for head, text in answer.facts if head == "error"), "")
     plot = None
     if named is not None and named.timed:
         most = max((max(one.sizes) for one in shown), default=0.0)
@@ -83,7 +84,7 @@ def answer_section(answer: Answer, named: NamedModels | None, *, about: str, sen
         sentence=words(without_chance(sentence or answer.sentence)),
         facts=[(words(head), words(text)) for head, text in answer.facts if head not in _ELSEWHERE],
         falls=None if named is None else _chart(shown, named),
-        quiet="" if answer.tone == "open" else _unchanged(channel_falls, shown),
+        quiet="" if answer.tone == "open" else words(_unchanged(channel_falls, shown) if shown else error),
         plot=None if plot is None else plot_slot(plot),
         caption="" if plot is None else plot.caption,
     )
@@ -133,7 +134,7 @@ def _unchanged(channel_falls: Sequence[ChannelFall], shown: Sequence[ChannelFall
     parts = [f"{', '.join(within)}: within the noise"] if within else []
     parts += [f"{one.title}: {one.sigmas(-1)} beyond the noise" for one in beyond]
     same = " before and after" if len(channel_falls[0].sizes) > 1 else ""
-    return words(f"{'; '.join(parts)}{same}")
+    return f"{'; '.join(parts)}{same}"
 
 
 def _overlay(named: NamedModels, channels: Sequence[str]) -> Plot | None:
