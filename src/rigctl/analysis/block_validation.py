@@ -30,10 +30,17 @@ _COST = 1e-3
 
 @dataclass(frozen=True)
 class BlockValidation:
-    """Mean squared errors, in units of the noise, of the blocks left out: without and with the effects."""
+    """Mean squared errors, in units of the noise, of the blocks left out: without and with the effects.
+
+    Attributes
+    ----------
+    before, after: of each block.
+    ahead: of the second half, by fits to the first; None if that was not tried, or is not possible.
+    """
 
     before: tuple[float, ...]
     after: tuple[float, ...]
+    ahead: tuple[float, float] | None = None
 
     @property
     def passed(self) -> bool:
@@ -42,29 +49,44 @@ class BlockValidation:
         return sum(self.after) < _FALLS * sum(self.before) and 2 * better > len(self.before)
 
     @property
+    def falls(self) -> bool:
+        """Whether the sum of the errors falls, that of the second half included."""
+        ahead = self.ahead or (0.0, 0.0)
+        return sum(self.after) + ahead[1] < sum(self.before) + ahead[0]
+
+    @property
     def ratio(self) -> float:
         """The root mean square error outside the fit with the effects, as a share of that without."""
         return float(np.sqrt(sum(self.after) / max(sum(self.before), 1e-300)))
 
 
-def leave_blocks_out(without: FitResult, with_effects: FitResult) -> BlockValidation | None:
-    """Both models fitted to the readings outside each block in turn; None if that is not possible."""
+def leave_blocks_out(
+    without: FitResult, with_effects: FitResult, *, ahead: bool = False
+) -> BlockValidation | None:
+    """Both models fitted to the readings outside each block in turn; None if that is not possible.
+
+    `ahead`: the second half of the records is left out as well.
+    """
     count = sum(int(good.sum()) for good in without.problem.ok)
-    chosen = [2] if count > _MANY else range(1, _BLOCKS)
-    before, after = [], []
-    for block in chosen:
-        errors = [_error_outside(one, block) for one in (without, with_effects)]
-        if errors[0] is None or errors[1] is None:
-            continue
-        before.append(errors[0])
-        after.append(errors[1])
-    return BlockValidation(tuple(before), tuple(after)) if before else None
+    every = [range(block, block + 1) for block in ([2] if count > _MANY else range(1, _BLOCKS))]
+    tried = [pair for blocks in every if (pair := _errors_outside(without, with_effects, blocks)) is not None]
+    if not tried:
+        return None
+    rest = _errors_outside(without, with_effects, range(_BLOCKS // 2, _BLOCKS)) if ahead else None
+    return BlockValidation(tuple(pair[0] for pair in tried), tuple(pair[1] for pair in tried), rest)
 
 
-def _error_outside(fitted: FitResult, block: int) -> float | None:
-    """Mean squared error of one block of every fitted record, by a fit to the rest; None without a fit."""
+def _errors_outside(without: FitResult, with_effects: FitResult, blocks: range) -> tuple[float, float] | None:
+    """The errors of both models on blocks that are left out of their fits; None without a fit."""
+    before = _error_outside(without, blocks)
+    after = None if before is None else _error_outside(with_effects, blocks)
+    return None if before is None or after is None else (before, after)
+
+
+def _error_outside(fitted: FitResult, blocks: range) -> float | None:
+    """Mean squared error of some blocks of every fitted record, by a fit to the rest; None without a fit."""
     problem = fitted.problem
-    masks = [_block_of(record.times.size, block) for record in problem.records]
+    masks = [_inside(record.times.size, blocks) for record in problem.records]
     inside = tuple(good & ~mask[:, None] for good, mask in zip(problem.ok, masks, strict=True))
     kept = replace(problem, ok=inside).whitened()
     kept = kept.with_shared(started(kept.shared, fitted.values))
@@ -85,6 +107,6 @@ def _mean_square(fitted: FitResult, again: FitResult, masks: Sequence[NDArray[np
     return float(np.mean(together)) if together.size else None
 
 
-def _block_of(count: int, block: int) -> NDArray[np.bool_]:
-    """(count) which samples of a record are in a block."""
-    return np.asarray(np.arange(count) * _BLOCKS // max(count, 1) == block)
+def _inside(count: int, blocks: range) -> NDArray[np.bool_]:
+    """(count) which samples of a record are in one of these blocks."""
+    return np.isin(np.arange(count) * _BLOCKS // max(count, 1), blocks)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -284,8 +285,8 @@ def refusal(
     """Why effects are not added although they lower mBIC; None if they may be.
 
     A size that nothing of their kind has; or an error that does not fall on data outside the fit: on the
-    records that were held out, else where only the floor of the noise is known on blocks of time left out,
-    else on the conditions left out in turn.
+    records that were held out, else on the conditions left out in turn, or on blocks of time and the second
+    half of every record where only the floor of the noise is known or no condition can be left out.
     """
     names = " and ".join(effects)
     absurd = not_a_sensor(trial)
@@ -295,13 +296,17 @@ def refusal(
     if before.held_out:
         worse = _held_out_squares(trial.fit) >= _held_out_squares(before)
         where = f"the {len(before.held_out)} records held out"
-    elif any(channel.own_scale for channel in before.problem.noise.channels):
-        blocks = leave_blocks_out(before, trial.fit)
-        worse, where = blocks is not None and not blocks.passed, "blocks of time left out of the fit"
     else:
+        own = any(channel.own_scale for channel in before.problem.noise.channels)
         shown = [one for one in diagnosis.ranking if one.effect in effects]
-        worse = any(one.heldout_after > one.heldout_before for one in shown)
-        where = "conditions left out of the fit"
+        conditions = [one for one in shown if math.isfinite(one.heldout_before)]
+        if conditions and not own:
+            worse = any(one.heldout_after > one.heldout_before for one in conditions)
+            where = "conditions left out of the fit"
+        else:
+            blocks = leave_blocks_out(before, trial.fit, ahead=True)
+            worse = blocks is not None and not (blocks.falls and (blocks.passed or not own))
+            where = "blocks of time left out of the fit"
     if not worse:
         return None
     return ImprovementEnd.NOT_PREDICTED, f"{names} does not improve the prediction of {where}"
