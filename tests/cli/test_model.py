@@ -153,6 +153,9 @@ def test_remove_writes_the_next_version() -> None:
         "assume": [],
         "before": None,
         "after": None,
+        "bounds": [],
+        "undetermined": [],
+        "parameters": {},
         "outside_validity": [],
     }
     assert load_model(Path(MODEL)).effects == {}
