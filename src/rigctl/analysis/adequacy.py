@@ -17,6 +17,7 @@ from rigctl.analysis.decision_levels import ALPHA, BELOW_NOISE, LEAST_EXPLAINED,
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.residual_analysis import Correlations, residual_correlations
 from rigctl.analysis.score_test import Screening
+from rigctl.analysis.sensors import sensor_budget
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import ChannelNoise
@@ -74,7 +75,8 @@ class Adequacy:
     stated: channels whose errors are not white at the floor either, but within the noise that the rig file
         states.
     unusable: channels of which the rig file states a noise that is far from the data: nothing can be decided.
-    agrees: no test rejects, and no channel is unproven.
+    misread: channels whose calibration would have to be wrong by more than the rig file states.
+    agrees: no test rejects, no channel is unproven, and none is misread.
     adequate: the model agrees, or no test can be trusted; ends a search, but does not say what explains the
         data.
     undecided: no test rejects, but agreement is not shown either.
@@ -85,6 +87,7 @@ class Adequacy:
     unproven: tuple[str, ...] = ()
     stated: tuple[str, ...] = ()
     unusable: tuple[str, ...] = ()
+    misread: tuple[str, ...] = ()
 
     @property
     def p_value(self) -> float:
@@ -98,8 +101,14 @@ class Adequacy:
 
     @property
     def agrees(self) -> bool:
-        """True if no test rejects, and no channel's errors may be slow noise or a missing effect."""
-        return not self.rejected and not self.unproven and not self.unusable
+        """True if no test rejects, and no channel's errors may be slow noise, or a sensor's, or a missing
+        effect."""
+        return not self.rejected and not self.unproven and not self.unusable and not self.misread
+
+    @property
+    def only_misread(self) -> bool:
+        """True if nothing but errors of sensors, larger than stated, speaks against the model."""
+        return bool(self.misread) and not (self.rejected or self.unproven or self.unusable)
 
     @property
     def adequate(self) -> bool:
@@ -124,8 +133,10 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
     tests = {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
+    budget = sensor_budget(fit)
+    misread = () if budget is None else tuple(one.channel for one in budget.beyond)
     if fit.problem.measurements.table:
-        return Adequacy(tests)
+        return Adequacy(tests, misread=misread)
     floors = [channel for channel in fit.problem.noise.channels if channel.own_scale]
     found = residual_correlations(fit) if floors else {}
     if floors:
@@ -140,6 +151,7 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
         unproven=tuple(one.name for one in open_ if not within_statement(fit, one)),
         stated=tuple(one.name for one in open_ if within_statement(fit, one)),
         unusable=tuple(one.name for one in fit.problem.noise.channels if one.unusable),
+        misread=misread,
     )
     if not result.rejected or floors:
         return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.candidates import candidates, data_ranges, require_known
@@ -12,6 +13,7 @@ from rigctl.analysis.fitting import (
     Data,
     OnProgress,
     fit_in_noise,
+    fit_model,
     fit_to_data,
     no_progress,
     noise_in,
@@ -21,6 +23,7 @@ from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.score_test import screen
+from rigctl.analysis.sensors import sensor_budget
 from rigctl.analysis.slopes import KnownSlopes
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
@@ -120,8 +123,16 @@ def judge(
         again = _without_refuted_noise(fitted)
         if again is not None:
             return judge(again, name, excluded=excluded, on_progress=on_progress)
+    budget = sensor_budget(fitted)
+    exact = None
+    if budget is not None and budget.matters and tests.agrees:
+        report = on_progress or no_progress
+        report(f"Fitting {name} as if every sensor were exact")
+        exact = judge(_with_exact_sensors(fitted), name, excluded=excluded, on_progress=on_progress)
     return ModelComparison(
         name=name,
+        sensors=budget,
+        exact=None if exact is None or exact.adequacy.agrees else exact,
         fit=fitted,
         adequacy=tests,
         linearisation=linearisation,
@@ -131,6 +142,18 @@ def judge(
         located=LocatedError(name, fitted, projected, screening, tests),
         excluded=frozenset(excluded),
         slopes=slopes,
+    )
+
+
+def _with_exact_sensors(fitted: FitResult) -> FitResult:
+    """The model fitted again as if no calibration had an error."""
+    problem = fitted.problem
+    return fit_model(
+        problem.model,
+        replace(problem.measurements, reading_errors=()),
+        noise_in(fitted),
+        fitted.held_out,
+        refit=any(one.name in problem.model.fitted for one in problem.shared),
     )
 
 

@@ -15,6 +15,7 @@ from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.record_level import RecordQuantity
 from rigctl.analysis.score_test import Screening
+from rigctl.analysis.sensors import SensorBudget
 from rigctl.analysis.single_values.rows import TableRow
 from rigctl.analysis.slopes import KnownSlopes
 from rigctl.analysis.slot_evidence import SlotEvidence
@@ -63,6 +64,8 @@ class ModelComparison:
     whole: the same data with the equations of the whole library, every effect at its null.
     located: where its error lies; each part is computed when it is first used.
     excluded: effects that were not considered.
+    sensors: the errors of the calibrations; None if no uncertainty is stated.
+    exact: if the model agrees only because sensors may be wrong as stated, the comparison with exact ones.
     slopes: for a model with effects, the derivatives at its fit, until a diagnosis linearises it with the
         discrepancies of their laws.
     """
@@ -76,6 +79,8 @@ class ModelComparison:
     whole: Problem = field(repr=False)
     located: LocatedError = field(repr=False)
     excluded: frozenset[str] = frozenset()
+    sensors: SensorBudget | None = None
+    exact: ModelComparison | None = field(default=None, repr=False)
     slopes: KnownSlopes | None = field(default=None, repr=False)
 
     @property
@@ -147,7 +152,24 @@ class ModelComparison:
     @property
     def statement(self) -> str:
         """The result in one plain sentence."""
+        if self.sensors is not None and self.adequacy.only_misread:
+            errors = " and ".join(one.text for one in self.sensors.beyond)
+            return (
+                f"{errors}, more than its calibration allows; with that error {self.name} agrees with the "
+                "measurements within their noise"
+            )
+        if self.explained_by and self.sensors is not None and self.exact is not None:
+            return (
+                f"{self.name} agrees with the measurements within their noise and the stated calibration: "
+                f"{self.sensors.explanation}. With exact sensors it would not "
+                f"({chance_text(self.exact.adequacy.p_value)})"
+            )
         return self.located.statement
+
+    @property
+    def explained_by(self) -> str | None:
+        """ "calibration" if the errors of sensors explain what the model leaves; else None."""
+        return "calibration" if self.exact is not None or self.adequacy.only_misread else None
 
     def __repr__(self) -> str:
         """The verdict on one line."""
@@ -161,6 +183,8 @@ class ModelComparison:
     @cached_property
     def decided_by(self) -> tuple[str, ...]:
         """What would tell slow noise from a missing effect; empty if that is decided."""
+        if self.exact is not None and self.sensors is not None:
+            return self.sensors.recalibration
         return what_decides(self.fit, self.adequacy.unproven) if self.adequacy.undecided else ()
 
     @property
@@ -199,6 +223,8 @@ class ModelComparison:
             "adequate": self.adequacy.verdict,
             "unproven": list(self.adequacy.unproven),
             "decided_by": list(self.decided_by),
+            "explained_by": self.explained_by,
+            "sensors": [] if self.sensors is None else [one.document() for one in self.sensors.misreadings],
             "below_noise": self.adequacy.below_noise,
             "p_value": self.adequacy.p_value,
             "tests": tests,

@@ -118,10 +118,12 @@ def diagnose_comparison(
     before = judgement.shown
     ranking = ranking_of(search, best, judgement.checks)
     remarks = table_remarks(before, best, judgement.rivals, verdict, ranking, search.alone)
-    undecided = verdict is Verdict.OUTSIDE_LIBRARY or before.adequacy.below_noise
+    sensor = before.adequacy.only_misread
+    undecided = (verdict is Verdict.OUTSIDE_LIBRARY and not sensor) or before.adequacy.below_noise
     doubt = whether_at_all(before) if undecided else ""
     drift = _drift(before, best)
     statement = _statement(judgement, ranking, doubt)
+    exact = _with_exact_sensors(before, most, on_progress)
     diagnosis = Diagnosis(
         runs=tuple(runs),
         model=before.name,
@@ -134,7 +136,7 @@ def diagnose_comparison(
         drift=tuple(drift),
         statement=remarks.statement or statement.text,
         opening=statement.opening,
-        evidence=(*_evidence(judgement, ranking), *drift_text(drift)),
+        evidence=(*_evidence(judgement, ranking), *_exact_text(exact), *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),
         before=before,
@@ -150,7 +152,8 @@ def diagnose_comparison(
         laws=judgement.laws,
         outside=departures(best.fit),
         unconfirmed=judgement.unconfirmed,
-        decided_by=what_decides(before.fit, before.adequacy.unproven) if verdict is Verdict.UNDECIDED else (),
+        decided_by=_decided_by(before, verdict),
+        with_exact_sensors=exact,
     )
     if not further_laws(diagnosis):
         return diagnosis
@@ -191,9 +194,38 @@ def _undecided_by_bound(
     )
 
 
+def _decided_by(before: ModelComparison, verdict: Verdict) -> tuple[str, ...]:
+    """What would decide what is open: slow noise or an effect, a sensor or an effect."""
+    if verdict is Verdict.UNDECIDED:
+        return what_decides(before.fit, before.adequacy.unproven)
+    return before.decided_by if before.explained_by and verdict is Verdict.ADEQUATE else ()
+
+
+def _with_exact_sensors(
+    before: ModelComparison, most: int, on_progress: OnProgress | None
+) -> Diagnosis | None:
+    """What would be missing if no sensor could be wrong; None where that makes no difference."""
+    if before.exact is None:
+        return None
+    return diagnose_comparison(before.exact, most=most, further_laws=lambda _: False, on_progress=on_progress)
+
+
+def _exact_text(exact: Diagnosis | None) -> list[str]:
+    """The verdict that exact sensors would have, in a sentence."""
+    if exact is None:
+        return []
+    named = " and ".join(exact.effects)
+    would = (
+        f"{named} would be named as missing" if named else "something would be missing that nothing explains"
+    )
+    return [f"with exact sensors, {would}; the stated calibrations explain it as well"]
+
+
 def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> Statement:
     """The verdict in words."""
     search, best = judgement.search, judgement.best
+    if judgement.shown.adequacy.only_misread:
+        return Statement(judgement.shown.statement, judgement.shown.statement)
     shape = "" if search.in_own_scale else _shape_alone(search) or _shape_mostly(search, best)
     if shape:
         return Statement(shape, shape)

@@ -203,6 +203,9 @@ class Diagnosis:
     bootstrap: intervals of the parameters of the model with `effects`; None if not requested.
     unconfirmed: those of `effects` that failed cross-validation, if nothing else speaks against them: more
         records may settle it.
+    decided_by: what would decide what is open: slow noise or an effect, an error of a sensor or an effect.
+    with_exact_sensors: if the model agrees only because sensors may be wrong as stated, the diagnosis with
+        exact ones.
     """
 
     runs: tuple[str, ...]
@@ -235,11 +238,14 @@ class Diagnosis:
     unconfirmed: tuple[str, ...] = ()
     opening: str = ""
     decided_by: tuple[str, ...] = ()
+    with_exact_sensors: Diagnosis | None = field(default=None, repr=False)
 
     @property
     def slot(self) -> str:
         """The equation with the most evidence for a missing term, "" if there is none."""
         before = self.before
+        if before.adequacy.only_misread:
+            return ""
         return "" if before.adequate or not before.slots else before.slots[0].slot
 
     @cached_property
@@ -269,6 +275,8 @@ class Diagnosis:
             return f"{len(self.effects)} effects are missing"
         if self.doubt or self.verdict is Verdict.UNDECIDED:
             return "Not decided"
+        if self.before.adequacy.only_misread:
+            return "A sensor reads wrongly"
         return {
             Verdict.ADEQUATE: "Adequate",
             Verdict.MISSING_EFFECT: "An effect is missing",
@@ -296,6 +304,7 @@ class Diagnosis:
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
+        sensors, exact = self.before.sensors, self.with_exact_sensors
         return {
             "runs": list(self.runs),
             "model": self.model,
@@ -311,6 +320,11 @@ class Diagnosis:
             "decided_by": list(self.decided_by),
             "bounds": [one.document() for one in self.bounds],
             "undetermined": [one.document() for one in self.before.undetermined],
+            "explained_by": self.before.explained_by if not self.effects else None,
+            "sensors": [] if sensors is None else [one.document() for one in sensors.misreadings],
+            "with_exact_sensors": None
+            if exact is None
+            else {"verdict": exact.verdict.value, "effects": list(exact.effects)},
             "channels": self.before.channels(),
             "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
             "drift": [

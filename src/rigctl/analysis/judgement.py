@@ -149,7 +149,8 @@ def agrees_within_tolerance(search: Search) -> bool:
     """Whether the model agrees with the data, within the shape tolerance of its effects' laws."""
     if search.in_own_scale and search.before.adequacy.stated and not search.before.adequacy.unusable:
         return False  # an effect that proves itself refutes what is stated
-    return search.before.adequate or search.start.adequacy.adequate
+    before = search.before.adequacy
+    return before.adequate or before.only_misread or search.start.adequacy.adequate
 
 
 def _sure_members(search: Search, best: RefittedSet) -> tuple[RefittedSet, list[Rival]]:
@@ -211,6 +212,8 @@ def _nothing_to_name(search: Search, best: RefittedSet, blocks: BlockValidation 
     if before.unusable:
         return Verdict.UNDECIDED
     if agrees_within_tolerance(search):
+        if before.only_misread:  # the cause is a sensor, and no effect of the library
+            return Verdict.OUTSIDE_LIBRARY
         return Verdict.UNDECIDED if before.below_noise else Verdict.ADEQUATE
     if not search.in_own_scale or (proven_by_collapse(search, best) and (blocks is None or blocks.passed)):
         return None

@@ -22,7 +22,6 @@ from rigctl.effects.declaration import Effect, EffectParameter, EffectState, Own
 from rigctl.engine.compile import CompiledSystem, Progress, compile_system
 from rigctl.engine.symbols import Scalar, positive_part
 from rigctl.engine.system import System
-from rigctl.model.build import build_system
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.record import MeasuredRecord
@@ -57,17 +56,7 @@ def disturbed_system(problem: Problem, moving: Sequence[Slot], reading: Sequence
     RigctlError
         a slot accepts no term.
     """
-    model, level_effect = problem.model, problem.level.effect
-    effect = _effect(model.family, moving, reading, knots)
-    effects = {name: {p: value.si for p, value in fitted.items()} for name, fitted in model.effects.items()}
-    return build_system(
-        model.family,
-        {**effects, **problem.level.null, DISTURBANCE: effect.null},
-        problem.measurements.rig or model.rig,
-        parameters={name: value for name, value in model.values.items() if "." not in name},
-        oil=model.oil,
-        own_effects=(*model.own_effects, *((level_effect,) if level_effect is not None else ()), effect),
-    )
+    return problem.system_with(_effect(problem.model.family, moving, reading, knots))
 
 
 def sort_slots(problem: Problem) -> tuple[tuple[Slot, ...], tuple[Slot, ...]]:

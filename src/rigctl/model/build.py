@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 
 from rigctl.effects.declaration import Effect, qualified
@@ -11,6 +11,7 @@ from rigctl.effects.registry import find_effect, library
 from rigctl.engine.symbols import Expr, Scalar
 from rigctl.engine.system import System, SystemBuilder, after, before
 from rigctl.errors import RigctlError
+from rigctl.model.reading_errors import ReadingError, true_input
 from rigctl.model.values import choices, parameter_values
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
@@ -31,6 +32,7 @@ def build_system(
     oil: str | None = None,
     own_effects: Iterable[Effect] = (),
     unrecorded: Collection[str] = (),
+    read_wrong: Sequence[ReadingError] = (),
 ) -> System:
     """The equations of `family` with `effects`, for the channels and dimensions of `rig`.
 
@@ -47,6 +49,7 @@ def build_system(
     oil: instead of the rig's.
     own_effects: a user's effects, which may then be named in `effects`.
     unrecorded: inputs to which the parameter of that name of the effect `record` is added.
+    read_wrong: errors of calibrations, parameters of an effect; those of inputs are taken off their readings.
 
     Raises
     ------
@@ -60,6 +63,9 @@ def build_system(
     for effect, values in used:
         known |= _declare_effect(builder, effect, values)
     known |= {name: known[name] + known[qualified(RECORD, name)] for name in unrecorded}
+    for item in chosen.inputs:
+        of_input = [one for one in read_wrong if one.channel == item.name]
+        known[item.name] = true_input(known[item.name], of_input, known)
     scope = Scope(
         chosen,
         known,

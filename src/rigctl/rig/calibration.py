@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat
 
@@ -50,8 +51,21 @@ class Calibration(Part):
     date: IsoDate | None = Field(default=None, description="date of calibration")
     reference: str | None = Field(default=None, description="reference instrument")
     uncertainty: AnyDifference | None = Field(
-        default=None, description="uncertainty of the calibrated value, 95 %"
+        default=None,
+        description="uncertainty of the calibrated value, 95 %; a percentage is one of the channel's range",
     )
+    kind: Literal["point", "line", "data_sheet"] | None = Field(
+        default=None,
+        description="what was compared: one `point` leaves the zero uncertain, a `line` zero and gain, a "
+        "`data_sheet` the curvature too, as does a calibration of which nothing is said",
+    )
+    zero: AnyDifference | None = Field(
+        default=None, description="uncertainty of its zero, 95 %, instead of that by `uncertainty`"
+    )
+    gain: AnyDifference | None = Field(
+        default=None, description="relative uncertainty of its gain, 95 %, e.g. '1 %'"
+    )
+    linearity: AnyDifference | None = Field(default=None, description="largest deviation from a line, 95 %")
     valid_for: Annotated[float, Q("s", positive=True)] | None = Field(
         default=None, description="period of validity, e.g. '365 day'"
     )
@@ -64,6 +78,28 @@ class Calibration(Part):
             return self.date + dt.timedelta(seconds=self.valid_for)
         except OverflowError:
             return None
+
+    def parts(self, origin: float, middle: float, half: float, unit: float = 1.0) -> dict[str, float]:
+        """Return the uncertainty, 95 %, SI, of zero, gain and curvature, each by its largest error.
+
+        Parameters
+        ----------
+        origin: where the display unit is zero, SI; a relative uncertainty of the gain counts from there.
+        middle, half: of the readings, SI: the gain is wrong about `middle`, by its largest error at the ends.
+        unit: of `uncertainty`, SI: the width of the channel's range if that is a share of it.
+        """
+        whole = 0.0 if self.uncertainty is None else float(self.uncertainty) * unit
+        by_kind = {"point": ("zero",), "line": ("zero", "gain")}
+        usual = by_kind.get(self.kind or "", ("zero", "gain", "linearity"))
+        parts = {part: whole if part in usual else 0.0 for part in ("zero", "gain", "linearity")}
+        if self.zero is not None:
+            parts["zero"] = float(self.zero)
+        if self.gain is not None:
+            parts["gain"] = float(self.gain) * half
+            parts["zero"] = math.hypot(parts["zero"], float(self.gain) * abs(middle - origin))
+        if self.linearity is not None:
+            parts["linearity"] = float(self.linearity)
+        return parts
 
 
 def polynomial(coefficients: Sequence[float], x: float) -> float:

@@ -115,6 +115,25 @@ class Channel(Part):
         """SI, the stated standard deviation of one reading; 0 if none is stated."""
         return self.noise.total if isinstance(self.noise, StatedNoise) else float(self.noise or 0.0)
 
+    def reading_uncertainty(self, middle: float, half: float) -> dict[str, float]:
+        """Return the uncertainty of its calibration, 95 %, SI, for readings within `half` of `middle`.
+
+        Of `zero`, `gain` and `linearity`, each by its largest error; 0 where the rig file states none.
+        """
+        origin = self.display.to_si(0.0, difference=self.difference)
+        return self.calibration.parts(origin, middle, half, self.width if self.states_share_of_range else 1.0)
+
+    @property
+    def width(self) -> float:
+        """Of its range, SI; 0 without one."""
+        return 0.0 if self.range is None else float(self.range[1]) - float(self.range[0])
+
+    @property
+    def states_share_of_range(self) -> bool:
+        """Whether the uncertainty of its calibration is a percentage, which is one of its range."""
+        stated = self.calibration.uncertainty
+        return stated is not None and stated.unit.text == "%" and not self.display.dimension.dimensionless
+
     @property
     def interval_unit(self) -> str:
         """The display unit of differences of its values: kelvin for a temperature."""

@@ -134,13 +134,42 @@ def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]
         yield Problem((*keys, "unit"), error)
         return
     yield from _noise(keys, channel)
-    uncertainty = channel.calibration.uncertainty
-    yield from _amount((*keys, "calibration", "uncertainty"), uncertainty, channel.unit, difference=True)
+    yield from _uncertainties((*keys, "calibration"), channel)
     for index, end in enumerate(channel.range or ()):
         yield from _reading((*keys, "range", index), end, channel)
     if channel.range and channel.range[0] >= channel.range[1]:
         yield Problem((*keys, "range"), RigctlError("range: the lower end is not below the upper one"))
     yield from _converter(keys, channel)
+
+
+def _uncertainties(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
+    """Check the units of a calibration's uncertainties, and that each is possible."""
+    calibration = channel.calibration
+    relative = ["gain", *(["uncertainty"] if channel.states_share_of_range else [])]
+    for field in ("uncertainty", "zero", "gain", "linearity"):
+        amount: Amount | None = getattr(calibration, field)
+        if amount is None:
+            continue
+        where = (*keys, field)
+        unit = "%" if field in relative else channel.unit
+        wrong = list(_amount(where, amount, unit, difference=True))
+        yield from wrong
+        if wrong:
+            continue
+        if not amount >= 0.0:
+            yield Problem(where, RigctlError(f"{field}: no uncertainty is negative", value=amount.text))
+        elif field == "uncertainty" and field in relative and channel.range is None:
+            error = RigctlError(
+                "uncertainty: a percentage is one of the channel's range, and it has none",
+                value=amount.text,
+                expected=f"'range' too, or a number of {channel.interval_unit or '1'}",
+            )
+            yield Problem(where, error)
+        elif field not in relative and 0.0 < channel.width < amount:
+            error = RigctlError(
+                f"{field}: more than the whole range", value=amount.text, expected="less than the range"
+            )
+            yield Problem(where, error)
 
 
 def _noise(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:

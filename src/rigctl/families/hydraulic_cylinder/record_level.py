@@ -27,8 +27,8 @@ def _repeatability(rig: Rig | None) -> float:
 
 def _zero(rig: Rig | None) -> float:
     channel = rig.channels.get("position") if rig is not None else None
-    uncertainty = channel.calibration.uncertainty if channel is not None else None
-    return 0.5 * uncertainty if uncertainty else _ZERO  # stated at 95 %, about two standard deviations
+    uncertainty = 0.0 if channel is None else channel.reading_uncertainty(0.0, 0.0)["zero"]
+    return 0.5 * uncertainty or _ZERO  # stated at 95 %, about two standard deviations
 
 
 def _on_the_stop(states: Mapping[str, float], parameters: Mapping[str, float]) -> float:

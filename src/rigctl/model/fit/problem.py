@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
@@ -10,14 +10,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.effects.declaration import qualified
+from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.record_level import RECORD, RecordLevel, record_level
 from rigctl.engine.compile import CompiledSystem, Progress, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.least_squares import Block, Refused, Unknown
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
+from rigctl.engine.system import System
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system, superset
+from rigctl.model.fit.readings import as_read
 from rigctl.model.fit.recent import ROOM, Evaluated, Recent, point_of
 from rigctl.model.fit.settings import level_of_rows
 from rigctl.model.fit.slopes import simulate_soundly
@@ -40,8 +42,11 @@ from rigctl.model.fit.unknowns import (
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
 from rigctl.model.plant import initial_state
+from rigctl.model.reading_errors import ReadingError, calibration_effect
 from rigctl.noise.noise_model import NoiseModel
 from rigctl.noise.whitening import Whitener, whiten
+from rigctl.physics.family import ModelFamily
+from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -110,7 +115,7 @@ class Problem:
             self.compiled.source.text,
             (system.states, system.inputs, system.parameter_names, system.output_names),
             [delay.input for delay in system.delays],
-            (data.outputs, data.inputs, records, data.input_noise),
+            (data.outputs, data.inputs, records, data.input_noise, data.reading_errors),
             self.noise,
             self.ok,
             (self.shared, self.local, self.base, self.starts),
@@ -173,6 +178,17 @@ class Problem:
             grown=self.grown if noise is None else grown,
             progress=progress,
         )
+
+    def system_with(self, effect: Effect) -> System:
+        """The equations of its model with one more effect at its null, not compiled.
+
+        Raises
+        ------
+        RigctlError
+            one of the effect's slots accepts no term.
+        """
+        given = {name: {p: value.si for p, value in one.items()} for name, one in self.model.effects.items()}
+        return _built(_definition(self.model, given, self.level, self.measurements, (effect,)))
 
     def with_signal(self, outputs: Sequence[Floats]) -> Problem:
         """This problem, with proportional noise referred to the model's `outputs`.
@@ -289,7 +305,8 @@ class Problem:
         """The model's outputs, with derivatives by `columns`, by the shapes of terms and, if requested, by
         the initial states."""
         moving = tuple(name for name in columns if moves_switches(name))
-        plain = tuple(name for name in columns if not moves_switches(name))
+        read = {one.name for one in self._reading_errors}
+        plain = tuple(name for name in columns if not moves_switches(name) and name not in read)
         excitations = [self.excitation(index, shared, values, moving) for index, values in enumerate(local)]
         starts = self.initial_names if initial else ()
         simulated = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
@@ -297,7 +314,29 @@ class Problem:
             recorded = [simulated.columns.index(name) for name in self._recorded(record) if name in plain]
             if recorded:
                 simulated.sensitivities[index][:, :, recorded] = 0.0
-        return simulated
+        return self._as_read(simulated, shared, columns)
+
+    def _as_read(self, simulated: Trajectories, shared: Floats, columns: Sequence[str]) -> Trajectories:
+        """The trajectories as sensors with these errors of their calibrations read them.
+
+        They act on outputs alone, so that neither they nor their derivatives need be integrated.
+        """
+        if not self._reading_errors:
+            return simulated
+        at = {unknown.name: float(value) for unknown, value in zip(self.shared, shared, strict=True)}
+        values = {
+            one.name: at.get(one.name, float(self.base[self._index[one.name]]))
+            for one in self._reading_errors
+        }
+        runs = [record.run for record in self.records]
+        return as_read(simulated, runs, self._reading_errors, values, columns)
+
+    @cached_property
+    def _reading_errors(self) -> tuple[ReadingError, ...]:
+        """The errors of the calibrations of outputs; those of inputs are in the equations."""
+        return tuple(
+            one for one in self.measurements.reading_errors if one.channel in self.measurements.outputs
+        )
 
     def parts(self, columns: int) -> list[list[int]]:
         """The records, in order, in parts whose derivatives by this many columns fit into memory."""
@@ -464,23 +503,10 @@ def make_problem(
         an effect's term cannot be added.
     """
     level, settings = level_of_rows(record_level(model.family), measurements)
-    unrecorded = list(measurements.unrecorded)
-    level = level.with_inputs(unrecorded, model.family)
+    level = level.with_inputs(list(measurements.unrecorded), model.family)
     effects = {name: {p: value.si for p, value in values.items()} for name, values in model.effects.items()}
     everything = superset(model.family, effects, model.own_effects) if library else effects
-    own_effects = (*model.own_effects, *((level.effect,) if level.effect is not None else ()))
-    compiled = _compiled(
-        (
-            model.family,
-            {**everything, **level.null},
-            measurements.rig or model.rig,
-            {name: value for name, value in model.values.items() if "." not in name},
-            model.oil,
-            own_effects,
-            unrecorded,
-        ),
-        progress,
-    )
+    compiled = _compiled(_definition(model, everything, level, measurements), progress)
     system = compiled.system
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)
@@ -505,6 +531,7 @@ def make_problem(
             *habit_unknowns(measurements),
             *settings,
             *unrecorded_unknowns(measurements),
+            *(one.unknown for one in measurements.reading_errors),
         ),
         local=tuple(
             local_unknowns(level, record, measurements, start)
@@ -517,6 +544,61 @@ def make_problem(
     )
 
 
+#: a family, effects, bench, parameters, oil, own effects, unrecorded inputs and errors of calibrations
+_Definition = tuple[
+    ModelFamily,
+    Mapping[str, Mapping[str, float]],
+    Rig | None,
+    Mapping[str, float],
+    str | None,
+    tuple[Effect, ...],
+    tuple[str, ...],
+    tuple[ReadingError, ...],
+]
+
+
+def _definition(
+    model: Model,
+    effects: Mapping[str, Mapping[str, float]],
+    level: RecordLevel,
+    measurements: Measurements,
+    further: Sequence[Effect] = (),
+) -> _Definition:
+    """What determines a system of equations, with everything that a measurement leaves uncertain.
+
+    `effects` are those of the model with their parameters, `further` others, each at its null.
+    """
+    read_wrong = measurements.reading_errors
+    uncertain = (() if level.effect is None else (level.effect,)) + (
+        (calibration_effect(model.family, read_wrong),) if read_wrong else ()
+    )
+    return (
+        model.family,
+        {**effects, **{one.name: one.null for one in (*uncertain, *further)}},
+        measurements.rig or model.rig,
+        {name: value for name, value in model.values.items() if "." not in name},
+        model.oil,
+        (*model.own_effects, *uncertain, *further),
+        tuple(measurements.unrecorded),
+        read_wrong,
+    )
+
+
+def _built(definition: _Definition) -> System:
+    """The system of equations of a definition."""
+    family, effects, rig, parameters, oil, own_effects, unrecorded, read_wrong = definition
+    return build_system(
+        family,
+        effects,
+        rig,
+        parameters=parameters,
+        oil=oil,
+        own_effects=own_effects,
+        unrecorded=unrecorded,
+        read_wrong=read_wrong,
+    )
+
+
 def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
     """Whether two are equal; objects that hold arrays only if they are identical."""
     try:
@@ -526,12 +608,12 @@ def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
 
 
 #: the last systems compiled in this process, with their arguments
-_COMPILED: list[tuple[tuple[Any, ...], CompiledSystem]] = []
+_COMPILED: list[tuple[_Definition, CompiledSystem]] = []
 _MOST_COMPILED = 6
 
 
-def _compiled(definition: tuple[Any, ...], progress: Progress | None) -> CompiledSystem:
-    """The compiled system of a family, effects, bench, parameters, oil, own effects and unrecorded inputs.
+def _compiled(definition: _Definition, progress: Progress | None) -> CompiledSystem:
+    """The compiled system of a definition.
 
     Deriving its equations takes as long as fitting a few records: many runs evaluated with one model share
     it.
@@ -539,17 +621,7 @@ def _compiled(definition: tuple[Any, ...], progress: Progress | None) -> Compile
     for known, compiled in tuple(_COMPILED):  # other threads may be compiling
         if _same(known, definition):
             return compiled
-    family, effects, rig, parameters, oil, own_effects, unrecorded = definition
-    system = build_system(
-        family,
-        effects,
-        rig,
-        parameters=parameters,
-        oil=oil,
-        own_effects=own_effects,
-        unrecorded=unrecorded,
-    )
-    result = compile_system(system, progress=progress)
+    result = compile_system(_built(definition), progress=progress)
     _COMPILED.insert(0, (definition, result))
     del _COMPILED[_MOST_COMPILED:]
     return result

@@ -29,6 +29,7 @@ from rigctl.model.measured.rigs import rig_of
 from rigctl.model.measured.stuck import without_stuck_readings
 from rigctl.model.measured.table import as_table
 from rigctl.model.model import Model
+from rigctl.model.reading_errors import ReadingError, reading_errors
 from rigctl.rig.rig import Rig
 from rigctl.units import show
 
@@ -96,7 +97,25 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         ),
         input_noise=steady.noise,
     )
-    return as_table(measured, runs, titles(model.family.name))
+    table = as_table(measured, runs, titles(model.family.name))
+    return replace(table, reading_errors=_reading_errors(table, runs))
+
+
+def _reading_errors(measured: Measurements, runs: Sequence[Run]) -> tuple[ReadingError, ...]:
+    """How wrong the calibrations may be: of the outputs, and of the inputs that a channel measured."""
+    if measured.rig is None or not measured.records:
+        return ()
+    records, channels = measured.records, measured.rig.channels
+    readings = {
+        name: np.concatenate([record.values[:, k] for record in records])
+        for k, name in enumerate(measured.outputs)
+    }
+    readings |= {
+        name: np.concatenate([record.input_course(k) for record in records])
+        for k, name in enumerate(measured.inputs)
+        if name in channels and any(name in run.layout.channels for run in runs)
+    }
+    return reading_errors(channels, readings, runs, rows=measured.table)
 
 
 def _of_run(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.excitation import Ramps
+from rigctl.model.reading_errors import ReadingError
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 
@@ -143,6 +144,7 @@ class Measurements:
     columns: for a table, the unit of each of its columns.
     titles: for a table, the column from which an output was read if its name differs, e.g. ``stroke``.
     input_noise: standard deviation of a reading, SI, of the inputs that change continuously, if known.
+    reading_errors: how wrong the calibration of each channel may be, of outputs and of measured inputs.
     """
 
     outputs: tuple[str, ...]
@@ -155,6 +157,7 @@ class Measurements:
     columns: Mapping[str, str] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)
     input_noise: Mapping[str, float] = field(default_factory=dict)
+    reading_errors: tuple[ReadingError, ...] = ()
 
     @property
     def table(self) -> bool:

@@ -1,0 +1,100 @@
+"""Simulated outputs as sensors with imperfect calibrations read them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.trajectories import Trajectories
+from rigctl.model.reading_errors import ReadingError
+
+Floats = NDArray[np.float64]
+
+
+def as_read(
+    simulated: Trajectories,
+    runs: Sequence[str],
+    errors: Sequence[ReadingError],
+    values: Mapping[str, float],
+    columns: Sequence[str],
+) -> Trajectories:
+    """The outputs ``r = y + Σ_k c_k·b_k(y)``, and their derivatives.
+
+    With respect to whatever moves y they are ``(1 + Σ_k c_k·b_k'(y))·∂y``, and ``b_k(y)`` with respect to
+    c_k.
+
+    Parameters
+    ----------
+    runs: of each record.
+    errors: of the outputs' calibrations; `values` the c_k by name.
+    columns: requested derivatives; those among `errors` are added, after the simulated ones.
+    """
+    added = [one for one in errors if one.name in columns]
+    true, read = simulated.outputs, []
+    for run, outputs in zip(runs, true, strict=True):
+        array = outputs
+        for one in errors:
+            if values[one.name] and one.acts_in(run):
+                array = array.copy() if array is outputs else array
+                k = simulated.output_names.index(one.channel)
+                array[:, k] += values[one.name] * one.basis(outputs[:, k])
+        read.append(array)
+    derivatives = _ReadDerivatives(simulated, runs, errors, values, added)
+    return replace(
+        simulated,
+        outputs=tuple(read),
+        sensitivities=derivatives if simulated.columns or added else simulated.sensitivities,
+        columns=(*simulated.columns, *(one.name for one in added)),
+    )
+
+
+class _ReadDerivatives(Sequence[NDArray[np.float64]]):
+    """The derivatives of each record's readings, computed when first used: many a fit rejects its step."""
+
+    def __init__(
+        self,
+        simulated: Trajectories,
+        runs: Sequence[str],
+        errors: Sequence[ReadingError],
+        values: Mapping[str, float],
+        added: Sequence[ReadingError],
+    ) -> None:
+        self._simulated, self._runs, self._errors = simulated, runs, errors
+        self._values, self._added = values, added
+        self._known: dict[int, Floats] = {}
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    @overload
+    def __getitem__(self, index: int) -> Floats: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Floats]: ...
+    def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(len(self)))]
+        k = range(len(self))[index]
+        if k not in self._known:
+            self._known[k] = self._read(k)
+        return self._known[k]
+
+    def _read(self, index: int) -> Floats:
+        true, run = self._simulated.outputs[index], self._runs[index]
+        slopes = self._simulated.sensitivities[index]
+        names = self._simulated.output_names
+        factors = np.ones(true.shape)
+        for one in self._errors:
+            if self._values[one.name] and one.acts_in(run):
+                k = names.index(one.channel)
+                factors[:, k] += self._values[one.name] * one.slope(true[:, k])
+        result = np.zeros((*true.shape, slopes.shape[2] + len(self._added)))
+        np.multiply(slopes, factors[:, :, None], out=result[:, :, : slopes.shape[2]])
+        for column, one in enumerate(self._added, slopes.shape[2]):
+            if one.acts_in(run):
+                k = names.index(one.channel)
+                result[:, k, column] = one.basis(true[:, k])
+        return result

@@ -1,0 +1,188 @@
+"""How wrong the calibration of each channel may be, as unknowns that all records under it have in common.
+
+A calibration is a measurement, and uncertain as a whole: each reading of a channel is
+``r = y + Σ_k c_k·b_k(y)``, y the true value, with
+
+    b = 1                   its zero,
+    b = x                   its gain,
+    b = (3·x² − 1)/2        its curvature,      x = (y − middle)/half.
+
+`middle` and `half` are those of the channel's readings in all records, so that each c_k is an error in the
+unit of the channel, the largest that its part makes. Every c_k has the prior N(0, std): the rig file states
+95 %, two standard deviations. Noise averages out over readings; these do not, whatever their number.
+Source: JCGM 100:2008 (GUM), 3.2 and F.2.4.5, systematic effects of a calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.dataset.run import Run
+from rigctl.effects.declaration import Effect, EffectParameter, qualified
+from rigctl.engine.least_squares import Prior, Unknown
+from rigctl.engine.symbols import Scalar, constant_like
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.si_unit import si_unit
+from rigctl.rig.channel import Channel
+
+Floats = NDArray[np.float64]
+
+#: the effect whose parameters are the errors of all calibrations
+CALIBRATION = "calibration"
+#: a calibration's unknowns can be no larger than this many standard deviations of their priors
+_FAR = 1e3
+#: a calibration's error changes by what is stated over no less than this share of the channel's range
+_LEAST_SPAN = 0.1
+
+
+@dataclass(frozen=True)
+class ReadingError:
+    """One part of the error of one calibration.
+
+    Attributes
+    ----------
+    channel: that it belongs to.
+    part: "zero", "gain" or "linearity".
+    std: of its prior, in the channel's SI unit.
+    middle, half: see the module.
+    unit: SI unit of the channel.
+    runs: those recorded under this calibration; empty for all.
+    number: of the calibration, from 1, where a channel has more than one.
+    """
+
+    channel: str
+    part: str
+    std: float
+    middle: float
+    half: float
+    unit: str
+    runs: tuple[str, ...] = ()
+    number: int = 1
+
+    @property
+    def parameter(self) -> str:
+        """Its name as a parameter of the effect `CALIBRATION`."""
+        return f"{self.channel}_{self.part}" + (f"_{self.number}" if self.number > 1 else "")
+
+    @property
+    def name(self) -> str:
+        """Its name as an unknown."""
+        return qualified(CALIBRATION, self.parameter)
+
+    @property
+    def unknown(self) -> Unknown:
+        """The unknown, with its prior."""
+        reach = _FAR * self.std
+        return Unknown(
+            self.name, 0.0, -reach, reach, scale=self.std, prior=Prior(0.0, self.std), unit=self.unit
+        )
+
+    def acts_in(self, run: str) -> bool:
+        """Whether the records of a run were made under this calibration."""
+        return not self.runs or run in self.runs
+
+    def basis(self, value: Floats) -> Floats:
+        """b(y): the error of a reading of `value`, per unit of the unknown."""
+        if self.part == "zero":
+            return np.ones_like(value)
+        x = (value - self.middle) / self.half
+        return x if self.part == "gain" else 1.5 * x * x - 0.5
+
+    def symbolic(self, value: Scalar) -> Scalar:
+        """`basis` in an equation."""
+        if self.part == "zero":
+            return 1.0
+        x = (value - constant_like(self.middle, value)) / constant_like(self.half, value)
+        return x if self.part == "gain" else 1.5 * x * x - 0.5
+
+    def slope(self, value: Floats) -> Floats:
+        """db/dy."""
+        if self.part == "zero":
+            return np.zeros_like(value)
+        if self.part == "gain":
+            return np.full_like(value, 1.0 / self.half)
+        return 3.0 * (value - self.middle) / self.half**2
+
+
+def reading_errors(
+    channels: Mapping[str, Channel],
+    readings: Mapping[str, Floats],
+    runs: Sequence[Run],
+    *,
+    rows: bool = False,
+) -> tuple[ReadingError, ...]:
+    """The errors of the calibrations of these channels, as far as their uncertainty is stated.
+
+    Parameters
+    ----------
+    readings: of each channel in all records, SI.
+    runs: in which each channel may have been calibrated anew.
+    rows: the readings are single values of a table, of which many are differences: an error of the zero
+        cancels, and gain and curvature count from zero.
+    """
+    errors: list[ReadingError] = []
+    for name, values in readings.items():
+        channel, good = channels.get(name), values[np.isfinite(values)]
+        if channel is None or not good.size:
+            continue
+        middle, half = _span(channel, good, rows=rows)
+        stated = channel.reading_uncertainty(middle, half)
+        parts = {
+            part: 0.5 * size
+            for part, size in stated.items()
+            if size > 0.0 and (part == "zero" or half > 0.0) and not (rows and part == "zero")
+        }
+        for number, of in enumerate(_calibrations(name, runs), 1):
+            errors += [
+                ReadingError(name, part, std, middle, half or 1.0, si_unit(channel.unit), of, number)
+                for part, std in parts.items()
+            ]
+    return tuple(errors)
+
+
+def _span(channel: Channel, readings: Floats, *, rows: bool) -> tuple[float, float]:
+    """The middle and half the width of the readings; not of those that hardly moved, which no gain changes."""
+    low, high = float(readings.min()), float(readings.max())
+    if rows:
+        return 0.0, max(abs(low), abs(high))
+    origin = channel.display.to_si(0.0, difference=channel.difference)
+    reach = channel.width or 2.0 * max(abs(low - origin), abs(high - origin))
+    return 0.5 * (low + high), 0.5 * max(high - low, _LEAST_SPAN * reach)
+
+
+def _calibrations(channel: str, runs: Sequence[Run]) -> list[tuple[str, ...]]:
+    """The runs under each calibration of a channel; one entry without names if it was never changed."""
+    known: dict[str, list[str]] = {}
+    for run in runs:
+        facts = (run.header.calibrations.get(channel) or {}).get("calibration") or {}
+        known.setdefault(f"{facts.get('coefficients')} {facts.get('date')}", []).append(run.id)
+    return [()] if len(known) < 2 else [tuple(of) for of in known.values()]
+
+
+def calibration_effect(family: ModelFamily, errors: Sequence[ReadingError]) -> Effect:
+    """The errors as parameters of a system; those of outputs act on its readings, not in its equations."""
+    return Effect(
+        name=CALIBRATION,
+        family=family.name,
+        summary="Errors of calibrations.",
+        equation="r = y + Σ_k c_k·b_k(y)",
+        source="JCGM 100:2008 (GUM)",
+        looks_like="A channel reads too high or too low, in all records alike.",
+        parameters=tuple(
+            EffectParameter(one.parameter, one.unit, 0.0, one.std, -_FAR * one.std, _FAR * one.std,
+                            f"error of the {one.part} of {one.channel}", difference=True)
+            for one in errors
+        ),
+        own_family=family,
+    )  # fmt: skip
+
+
+def true_input(value: Scalar, errors: Sequence[ReadingError], known: Mapping[str, Scalar]) -> Scalar:
+    """The true value of an input of which `value` was read, to first order in the errors."""
+    for one in errors:
+        value = value - known[one.name] * one.symbolic(value)
+    return value
