@@ -28,8 +28,8 @@ from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
 
-#: an estimate beyond this many standard deviations of its prior, 1.15 times what is stated, contradicts it
-_BEYOND = 2.3
+#: an error beyond this many times what is stated, by a standard deviation at least, contradicts it
+_BEYOND = 1.15
 #: shares of the stated uncertainty at which a better calibration is tried
 _SHARES = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02)
 
@@ -45,6 +45,7 @@ class Misreading:
     std: standard deviation of that error.
     stated: the uncertainty that the rig file states for it, 95 %.
     beyond: it contradicts what is stated.
+    number: of the calibration, from 1, if the channel was calibrated anew.
     """
 
     channel: str
@@ -54,6 +55,7 @@ class Misreading:
     std: float
     stated: float
     beyond: bool
+    number: int = 1
 
     @property
     def text(self) -> str:
@@ -62,13 +64,15 @@ class Misreading:
         at = show(self.at, self.unit, digits=2)
         stated = show(self.stated, self.unit, difference=True, digits=2)
         direction = "high" if self.error > 0.0 else "low"
-        return f"{self.channel} reads {size} {direction} at {at} (stated ±{stated})"
+        again = f" under its calibration {self.number}" if self.number > 1 else ""
+        return f"{self.channel}{again} reads {size} {direction} at {at} (stated ±{stated})"
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form, in the channel's unit."""
         unit = parse_unit(self.unit)
         return {
             "channel": self.channel,
+            "calibration": self.number,
             "error": self.error / unit.factor,
             "std": self.std / unit.factor,
             "stated": self.stated / unit.factor,
@@ -134,8 +138,8 @@ class SensorBudget:
             if share:
                 better = show(share * one.stated, one.unit, difference=True, digits=1)
                 texts.append(
-                    f"recalibrate {one.channel} to ±{better}: if its error is as small, something is missing in "
-                    "the model; if not, it was the sensor"
+                    f"recalibrate {one.channel} to ±{better}: if its error is as small, something is "
+                    "missing in the model; if not, it was the sensor"
                 )
         return tuple(texts)
 
@@ -160,10 +164,18 @@ class SensorBudget:
         return 0.0
 
     def _of(self, misreading: Misreading) -> list[int]:
-        return [k for k, one in enumerate(self.errors) if one.channel == misreading.channel]
+        return [
+            k
+            for k, one in enumerate(self.errors)
+            if (one.channel, one.number) == (misreading.channel, misreading.number)
+        ]
 
     def _others(self, misreading: Misreading) -> list[int]:
-        return [k for k, one in enumerate(self.errors) if one.channel != misreading.channel]
+        return [
+            k
+            for k, one in enumerate(self.errors)
+            if (one.channel, one.number) != (misreading.channel, misreading.number)
+        ]
 
     def _raised_without(self, indices: Sequence[int]) -> float:
         """The probability that chance raises χ² as much if these parts are held at zero."""
@@ -196,19 +208,24 @@ def sensor_budget(fit: FitResult) -> SensorBudget | None:
     values = dict(zip((one.name for one in fit.problem.shared), fit.values, strict=True))
     estimate = np.array([float(values[one.name]) for one in free])
     covariance = solution.covariance[np.ix_(at, at)]
-    channels = dict.fromkeys(one.channel for one in free)
+    calibrations = dict.fromkeys((one.channel, one.number) for one in free)
     return SensorBudget(
         tuple(free),
         estimate,
         covariance,
-        tuple(_misreading(fit, free, estimate, covariance, channel) for channel in channels),
+        tuple(_misreading(fit, free, estimate, covariance, *one) for one in calibrations),
     )
 
 
 def _misreading(
-    fit: FitResult, errors: Sequence[ReadingError], estimate: Floats, covariance: Floats, channel: str
+    fit: FitResult,
+    errors: Sequence[ReadingError],
+    estimate: Floats,
+    covariance: Floats,
+    channel: str,
+    number: int,
 ) -> Misreading:
-    at = [k for k, one in enumerate(errors) if one.channel == channel]
+    at = [k for k, one in enumerate(errors) if (one.channel, one.number) == (channel, number)]
     readings = _readings(fit, channel)
     shapes = np.stack([errors[k].basis(readings) for k in at])
     curve = estimate[at] @ shapes
@@ -216,17 +233,10 @@ def _misreading(
     shape = shapes[:, worst]
     prior = np.array([errors[k].std for k in at])
     std = math.sqrt(max(0.0, float(shape @ covariance[np.ix_(at, at)] @ shape)))
-    beyond = np.abs(estimate[at]) > _BEYOND * prior
     stated = 2.0 * float(np.max(np.abs(shape) * prior))
-    return Misreading(
-        channel,
-        _unit(fit, channel),
-        float(curve[worst]),
-        float(readings[worst]),
-        std,
-        stated,
-        bool(beyond.any()),
-    )
+    error, value = float(curve[worst]), float(readings[worst])
+    beyond = abs(error) > max(_BEYOND * stated, stated + std)
+    return Misreading(channel, _unit(fit, channel), error, value, std, stated, beyond, number)
 
 
 def _readings(fit: FitResult, channel: str) -> Floats:

@@ -145,7 +145,10 @@ def reading_errors(
 
 
 def _span(channel: Channel, readings: Floats, *, rows: bool) -> tuple[float, float]:
-    """The middle and half the width of the readings; not of those that hardly moved, which no gain changes."""
+    """The middle of the readings and half their width, which is a tenth of the channel's range at least.
+
+    A gain that was wrong by all of what is stated over readings that hardly moved would be no gain.
+    """
     low, high = float(readings.min()), float(readings.max())
     if rows:
         return 0.0, max(abs(low), abs(high))
