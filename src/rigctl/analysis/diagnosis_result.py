@@ -277,6 +277,8 @@ class Diagnosis:
             return "Not decided"
         if self.before.adequacy.only_misread:
             return "A sensor reads wrongly"
+        if self.before.explained_by and self.verdict is Verdict.ADEQUATE:
+            return "Adequate within the stated calibration"
         return {
             Verdict.ADEQUATE: "Adequate",
             Verdict.MISSING_EFFECT: "An effect is missing",

@@ -47,8 +47,19 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     laws = [one.statement for one in diagnosis.laws if one.differs]
     facts.append(("its law", laws[0] if laws else ""))
     facts.append(("decided by", "; or ".join(diagnosis.decided_by)))
-    tone: Tone = "open" if diagnosis.doubt else _TONES[diagnosis.verdict]
+    facts.append(("sensors", _exact(diagnosis)))
+    unsure = diagnosis.doubt or diagnosis.with_exact_sensors is not None
+    tone: Tone = "open" if unsure else _TONES[diagnosis.verdict]
     return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts), diagnosis.first)
+
+
+def _exact(diagnosis: Diagnosis) -> str:
+    """What exact sensors would show, where the stated ones explain it as well; else ""."""
+    exact = diagnosis.with_exact_sensors
+    if exact is None:
+        return ""
+    named = " and ".join(exact.effects)
+    return f"if they were exact, {named or 'something that nothing explains'} would be missing"
 
 
 def _error(diagnosis: Diagnosis) -> str:

@@ -223,6 +223,8 @@ def _lead_on(
         show_next(diagnosis, "looks for an effect that explains so much that no noise level is needed")
     elif comparison.models[-1].adequacy.below_noise:
         show_next(page, "writes a page; a record at rest or a repeated condition would show the noise")
+    elif comparison.models[-1].explained_by:
+        show_next(diagnosis, "tells what would be missing if the sensors were exact")
     elif comparison.models[-1].adequate:
         show_next(page, "writes a page; these data call for nothing more")
     else:

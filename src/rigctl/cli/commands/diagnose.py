@@ -252,6 +252,15 @@ def _lead_on(
     elif diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:
         command = page_of("compare", runs, model, choice)
         show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")
+    elif diagnosis.before.adequacy.only_misread:
+        sensors = diagnosis.before.sensors
+        channel = sensors.beyond[0].channel if sensors is not None else ""
+        rig = diagnosis.before.fit.problem.measurements.rig
+        words = ["calibrate", channel, *(["--rig", str(rig.path)] if rig is not None and rig.path else [])]
+        show_next(command_text(words), "calibrates the sensor again")
+    elif diagnosis.with_exact_sensors is not None:
+        command = page_of("diagnose", runs, model, choice, *limit, *shown)
+        show_next(command, "writes a page; a better calibration would tell the sensor from the model")
     elif diagnosis.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
         show_next(command, "writes a page; these data call for nothing more")
