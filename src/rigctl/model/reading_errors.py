@@ -33,8 +33,9 @@ Floats = NDArray[np.float64]
 
 #: the effect whose parameters are the errors of all calibrations
 CALIBRATION = "calibration"
-#: a calibration's unknowns can be no larger than this many standard deviations of their priors
-_FAR = 1e3
+#: an error of a calibration is no larger than this many standard deviations of its prior, twice what is
+#: stated: a wrong model would otherwise have its sensors wrong by more than anybody could overlook
+_FAR = 4.0
 #: a calibration's error changes by what is stated over no less than this share of the channel's range
 _LEAST_SPAN = 0.1
 

@@ -56,8 +56,8 @@ class Calibration(Part):
     )
     kind: Literal["point", "line", "data_sheet"] | None = Field(
         default=None,
-        description="what was compared: one `point` leaves the zero uncertain, a `line` zero and gain, a "
-        "`data_sheet` the curvature too, as does a calibration of which nothing is said",
+        description="what `uncertainty` comes from: one `point` leaves the zero uncertain, a `line` zero and "
+        "gain, a `data_sheet` the curvature too; without it, analyses take the sensor as exact",
     )
     zero: AnyDifference | None = Field(
         default=None, description="uncertainty of its zero, 95 %, instead of that by `uncertainty`"
@@ -79,19 +79,18 @@ class Calibration(Part):
         except OverflowError:
             return None
 
-    def parts(self, origin: float, middle: float, half: float, unit: float = 1.0) -> dict[str, float]:
+    def parts(self, origin: float, middle: float, half: float, whole: float) -> dict[str, float]:
         """Return the uncertainty, 95 %, SI, of zero, gain and curvature, each by its largest error.
 
         Parameters
         ----------
         origin: where the display unit is zero, SI; a relative uncertainty of the gain counts from there.
         middle, half: of the readings, SI: the gain is wrong about `middle`, by its largest error at the ends.
-        unit: of `uncertainty`, SI: the width of the channel's range if that is a share of it.
+        whole: the uncertainty of a reading, 95 %, SI.
         """
-        whole = 0.0 if self.uncertainty is None else float(self.uncertainty) * unit
-        by_kind = {"point": ("zero",), "line": ("zero", "gain")}
-        usual = by_kind.get(self.kind or "", ("zero", "gain", "linearity"))
-        parts = {part: whole if part in usual else 0.0 for part in ("zero", "gain", "linearity")}
+        every = ("zero", "gain", "linearity")
+        usual = every[: {"point": 1, "line": 2, "data_sheet": 3}.get(self.kind or "", 0)]
+        parts = {part: whole if part in usual else 0.0 for part in every}
         if self.zero is not None:
             parts["zero"] = float(self.zero)
         if self.gain is not None:

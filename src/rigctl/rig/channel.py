@@ -121,7 +121,13 @@ class Channel(Part):
         Of `zero`, `gain` and `linearity`, each by its largest error; 0 where the rig file states none.
         """
         origin = self.display.to_si(0.0, difference=self.difference)
-        return self.calibration.parts(origin, middle, half, self.width if self.states_share_of_range else 1.0)
+        return self.calibration.parts(origin, middle, half, self.uncertainty)
+
+    @property
+    def uncertainty(self) -> float:
+        """Of a calibrated reading, 95 %, SI; 0 where the rig file states none."""
+        stated = float(self.calibration.uncertainty or 0.0)
+        return stated * self.width if self.states_share_of_range else stated
 
     @property
     def width(self) -> float:

@@ -27,7 +27,7 @@ def _repeatability(rig: Rig | None) -> float:
 
 def _zero(rig: Rig | None) -> float:
     channel = rig.channels.get("position") if rig is not None else None
-    uncertainty = 0.0 if channel is None else channel.reading_uncertainty(0.0, 0.0)["zero"]
+    uncertainty = 0.0 if channel is None else channel.uncertainty
     return 0.5 * uncertainty or _ZERO  # stated at 95 %, about two standard deviations
 
 
