@@ -312,6 +312,7 @@ class Model:
                 )
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
 
+    @checks_argument_types
     def with_standing(self, name: str, standing: str) -> Model:
         """The model with another standing of a parameter of its family; a range stays only of an assumed one.
 
