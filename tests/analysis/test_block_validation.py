@@ -11,10 +11,11 @@ from rigctl.analysis.block_validation import BlockValidation, leave_blocks_out
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import Comparison
 from rigctl.analysis.diagnosis import diagnose_comparison
-from rigctl.analysis.improve import ImprovementEnd, improve
+from rigctl.analysis.improve import ImprovementEnd, refusal
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
 from rigctl.model.load import load_model
+from rigctl.noise.noise_model import ChannelNoise
 from rigctl.rig.load import load_rig
 from swing import project, white
 
@@ -39,16 +40,19 @@ def test_the_right_effect_predicts_the_second_half_from_the_first(tmp_path: Path
     assert near is not None and near.ahead is None
 
 
-def test_a_single_record_whose_noise_is_known_is_tested_outside_the_fit_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("own", [True, False], ids=["only its floor known", "noise known"])
+def test_a_single_record_is_tested_outside_the_fit_whatever_is_known_of_its_noise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: bool
 ) -> None:
     """No condition of it can be left out, and effects were added that made other records worse."""
-    both = compared(tmp_path, stated="5 mm")
-    assert not any(one.own_scale for one in both.models[0].fit.problem.noise.channels)
+    both = compared(tmp_path)
+    found = diagnose_comparison(both.models[0], both.runs, both.held_out, both.notes)
+    effects = found.best.effects
+    monkeypatch.setattr(ChannelNoise, "own_scale", own)
+    assert refusal(found, found.best, effects) is None
     worse_ahead = BlockValidation((4.0, 4.0, 4.0), (1.0, 1.0, 1.0), (4.0, 20.0))
     monkeypatch.setattr(improving, "leave_blocks_out", lambda *_, **__: worse_ahead)
-    model = tmp_path / "models/swing.yaml"
-    found = improve(both, model)
-    assert found.ended is ImprovementEnd.NOT_PREDICTED
-    assert "blocks of time left out of the fit" in found.statement
-    assert not load_model(model).effects
+    refused = refusal(found, found.best, effects)
+    assert refused is not None
+    assert refused[0] is ImprovementEnd.NOT_PREDICTED
+    assert "blocks of time left out of the fit" in refused[1]
