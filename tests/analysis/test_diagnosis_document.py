@@ -12,7 +12,13 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Exclusion, Verdict
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "json-answers.md"
 BEFORE: Any = SimpleNamespace(
-    statement="", findings=(), adequate=True, channels=dict, adequacy=SimpleNamespace(p_value=0.5)
+    statement="",
+    findings=(),
+    adequate=True,
+    channels=dict,
+    adequacy=SimpleNamespace(p_value=0.5),
+    bounds=(),
+    undetermined=(),
 )
 
 
