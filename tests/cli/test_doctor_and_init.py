@@ -130,5 +130,7 @@ def test_init_minimal_makes_a_project_without_the_shipped_benches(
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["init", "--minimal"])
     assert done.exit_code == 0, done.output
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["README.md", "rigctl.toml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["README.md", "rigctl.toml", "rigs"]
+    checked = CliRunner().invoke(app, ["check", "rigs/line-device.yaml"])
+    assert checked.exit_code == 0, checked.output
     assert "rigctl family new" in done.output

@@ -84,6 +84,12 @@ def test_a_complete_description_is_accepted() -> None:
             "    fastest: 5 Hz\n    queries:",
             "monitor_rate: more than the device.*at most 5 Hz",
         ),
+        (
+            "    queries:",
+            '    safe: "P 0"\n    queries:',
+            "not a list of commands, got 'P 0'.*send",
+        ),
+        ("    queries:", '    safe: ["P 0"]\n    queries:', "not a command with its answer, got 'P 0'.*send"),
         ("    queries:", "    terminator: CR\n    queries:", "unknown field"),
     ],
 )

@@ -20,7 +20,7 @@ INSTRUMENTED = load_rig(shipped("rigs", "hl32-bench-instrumented.yaml"))
 @pytest.mark.parametrize("path", sorted(shipped("rigs").glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_rigs_warn_only_of_devices_without_a_watchdog(path: Path) -> None:
     rig = load_rig(path)
-    unguarded = path.stem in ("tclab-board", "oil-circuit-visa")
+    unguarded = path.stem in ("tclab-board", "oil-circuit-visa", "line-device")
     expected = ["the device has no watchdog of its own"] if unguarded else []
     assert [text.partition(":")[0] for text in rig.warnings(date(2026, 11, 21))] == expected
     assert rig.description

@@ -188,6 +188,16 @@ def test_set_points_in_a_sweep_are_checked_when_the_plan_is_made(steps: Callable
         steps("- for: {p: [20 bar, 60 bar]}\n  do: [set_pressure: $p]")
 
 
+def test_a_value_that_a_step_refuses_is_located_in_the_list(planned: Callable[..., Plan]) -> None:
+    with pytest.raises(RigctlError) as caught:
+        planned("steps:\n  - for: {supply: [20 bar, 99 bar, 30 bar]}\n    do: [set_pressure: $supply]\n")
+    text = str(caught.value)
+    line, column = caught.value.where.line, caught.value.where.column
+    assert "got '99 bar'" in text
+    assert f"Line {(line or 0) + 1} refuses it" in text
+    assert column == len("  - for: {supply: [20 bar, ") + 1
+
+
 @given(st.lists(st.integers(1, 5), min_size=1, max_size=4))
 def test_nested_sweeps_have_the_product_of_their_sizes(sizes: list[int]) -> None:
     axes = {f"v{i}": in_seconds(list(range(size))) for i, size in enumerate(sizes)}

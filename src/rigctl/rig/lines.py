@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
-from pydantic import Field, FiniteFloat
+from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
+from rigctl.errors import RigctlError
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
+from rigctl.files.refusal import refusal
 from rigctl.rig.base import Part
 from rigctl.rig.line_pattern import (
     ReplyLines,
@@ -31,8 +33,37 @@ Watchdog = Annotated[
 WATCHDOG: Final = 2.0
 
 
+_EXCHANGE: Final = '{send: "H 0", reply: OK}'
+
+
+def _known_exchanges(written: Any) -> Any:
+    """Say what a list of commands looks like, where it is something else."""
+    if isinstance(written, list | tuple):
+        return written
+    raise refusal(
+        RigctlError(
+            "this is not a list of commands",
+            value=None if written is None else str(written),
+            expected=f"a list such as [{_EXCHANGE}]",
+        )
+    )
+
+
 class Exchange(Part):
     """A command and the lines of the device's answer."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_form(cls, written: Any) -> Any:
+        if isinstance(written, dict | Exchange):
+            return written
+        raise refusal(
+            RigctlError(
+                "this is not a command with its answer",
+                value=None if written is None else str(written),
+                expected=f"for example {_EXCHANGE}",
+            )
+        )
 
     send: SendText = Field(description="the command, without its line end")
     reply: ReplyLines = Field(
@@ -90,6 +121,9 @@ class LineActuator(Exchange):
     )
 
 
+_Exchanges = Annotated[tuple[Exchange, ...], BeforeValidator(_known_exchanges)]
+
+
 class Lines(Part):
     """The protocol of a line-based device."""
 
@@ -114,9 +148,7 @@ class Lines(Part):
         description="sent first; a different answer means a different device. Names in braces are "
         "stored with each run",
     )
-    begin: tuple[Exchange, ...] = Field(
-        default=(), description="sent once after that, e.g. for configuration"
-    )
+    begin: _Exchanges = Field(default=(), description="sent once after that, e.g. for configuration")
     queries: tuple[Query, ...] = Field(min_length=1, description="the queries for a sample, in this order")
     actuators: dict[Name, LineActuator] = Field(
         default_factory=dict, description="the command for each driven actuator"
@@ -129,9 +161,10 @@ class Lines(Part):
         default=(), description="answers that refuse a command or a query, e.g. 'ERR {_}'"
     )
     keep_alive: KeepAlive | None = Field(default=None, description="sent when nothing else is sent")
-    safe: tuple[Exchange, ...] = Field(
+    safe: _Exchanges = Field(
         default=(),
-        description="sent first when outputs are made safe; each actuator's safe_state always follows",
+        description="sent first when outputs are made safe, each a `send` with its `reply`; each actuator's "
+        "safe_state always follows",
     )
     watchdog: Watchdog = WATCHDOG
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
@@ -105,16 +106,35 @@ class ForStep(Block):
             seen[shown] = seen.get(shown, 0) + 1
             label = shown if seen[shown] == 1 else f"{shown} ({seen[shown]})"
             inner = context.at_point(label, point)
-            iterations.append(
-                inner.block(
+            try:
+                block = inner.block(
                     self.do, "do", label=label, kind=GroupKind.ITERATION, bindings=shown_bindings(point)
                 )
-            )
+            except RigctlError as error:
+                raise self._at_list(context, point, error) from None
+            iterations.append(block)
         names = " and ".join(self.for_)
         points_of = f"{len(points)} point{'' if len(points) == 1 else 's'}"
         return context.collect(
             iterations, label=f"for {names}: {points_of}", kind=GroupKind.FOR, cleanup=self
         )
+
+    def _at_list(self, context: Context, point: dict[str, Quantity], error: RigctlError) -> RigctlError:
+        """The error of a step that refuses a value of this sweep, located at that value; others unchanged."""
+        where = error.where
+        lines = context.document.text.splitlines()
+        if where.file != context.where().file or not where.line or where.line > len(lines):
+            return error
+        refused = lines[where.line - 1][(where.column or 1) - 1 :].strip("'\"")
+        for name, value in point.items():
+            sweep = self.for_.get(name)
+            if not re.match(rf"\${name}\b", refused) or not isinstance(sweep, list):
+                continue
+            for index, written in enumerate(sweep):
+                if context.quantity(written, "for", name, index) == value:
+                    error.where = context.where("for", name, index)
+                    error.hint = error.hint or f"Line {where.line} refuses it"
+        return error
 
     def _points(self, context: Context) -> list[dict[str, Quantity]]:
         for name in self.for_:

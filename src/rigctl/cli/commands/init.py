@@ -41,7 +41,8 @@ _README = """\
 
 #: shipped folders, and which of their files a project gets
 _SHIPPED = {"rigs": "*.yaml", "procedures": "*.yaml", "models": "*.yaml", "data": "*"}
-
+#: in a minimal one: a commented example
+_MINIMAL = {"rigs": "line-device.yaml"}
 
 _MINIMAL_MARKER = """\
 # Marks the root of a rigctl project: relative paths in its files resolve from this folder.
@@ -58,6 +59,7 @@ _MINIMAL_README = """\
 
     rigctl family new my_bench --csv log.csv       # a family, rig and model file drafted from your data
     rigctl family new other --template motor       # or from a template, without data
+    rigctl check rigs/line-device.yaml             # an example: a device that exchanges lines of text
     rigctl check rigs/my_bench.yaml                # what the file describes, and any mistakes in it
     rigctl import log.csv --rig rigs/my_bench.yaml # with --columns if 'family new' printed them
     rigctl compare latest --model models/my_bench.yaml
@@ -67,7 +69,7 @@ _MINIMAL_README = """\
 def create_project(directory: Path, *, minimal: bool = False) -> list[Path]:
     """Write the shipped rigs, procedures, models and data into `directory`; returns the files written.
 
-    A `minimal` project has none of those, only its ``rigctl.toml`` and a README.
+    A `minimal` project has its ``rigctl.toml``, a README, and one commented rig file, of a device with lines.
 
     Raises
     ------
@@ -81,7 +83,7 @@ def create_project(directory: Path, *, minimal: bool = False) -> list[Path]:
         directory / "rigctl.toml": _MINIMAL_MARKER if minimal else _MARKER,
         directory / "README.md": _MINIMAL_README if minimal else _README,
     }
-    for kind, files in () if minimal else _SHIPPED.items():
+    for kind, files in (_MINIMAL if minimal else _SHIPPED).items():
         for source in sorted(shipped(kind).glob(files)):
             contents[directory / kind / source.name] = source.read_text(encoding="utf-8")
     taken = [path for path in contents if path.exists()]
