@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -20,7 +21,10 @@ class SiteHook(BuildHookInterface):  # type: ignore[type-arg, misc]
         from make_site import make_site
 
         if version == "editable":
-            make_site(Path(self.root) / "build" / "site")
+            try:
+                make_site(Path(self.root) / "build" / "site")
+            except (OSError, subprocess.CalledProcessError) as error:  # the program works without its pages
+                self.app.display_warning(f"installed without the documentation: {error}")
             return
 
         # a folder of its own: another process may be reading or making the site of the checkout

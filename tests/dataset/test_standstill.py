@@ -95,6 +95,18 @@ def _flow(rng: np.random.Generator) -> np.ndarray:
     return np.where(FAST % 7.0 < 4.0, 5.0 + 0.1 * rng.standard_normal(2000), 0.0)
 
 
+def _flow_both_ways(rng: np.random.Generator) -> np.ndarray:
+    """A meter that shows zero below its cut-off, forwards and backwards for a second each, with rests."""
+    direction = np.array([1.0, 0.0, -1.0, 0.0])[(FAST // 1.0).astype(int) % 4]
+    return np.where(direction == 0.0, 0.0, 5.0 * direction + 0.1 * rng.standard_normal(2000))
+
+
+def _flow_with_an_undershoot(rng: np.random.Generator) -> np.ndarray:
+    values = np.where(FAST % 5.0 < 3.0, 5.0 + 0.1 * rng.standard_normal(2000), 0.0)
+    values[300] = -0.01
+    return values
+
+
 def _pressure(rng: np.random.Generator) -> np.ndarray:
     """The pump starts after 8 s; the transducer has an offset."""
     return rounded(np.where(FAST > 8.0, 3.0 + 0.02 * rng.standard_normal(2000), 0.0123), 0.01)
@@ -138,7 +150,7 @@ def _middle_of_a_step(rng: np.random.Generator) -> np.ndarray:
     "channel",
     [
         *(_encoder, _counter, _flow, _pressure, _saturated, _slow, _held),
-        *(_report_by_exception, _command, _middle_of_a_step),
+        *(_report_by_exception, _command, _middle_of_a_step, _flow_both_ways, _flow_with_an_undershoot),
     ],
 )
 def test_a_sound_channel_that_rests_is_not_stuck(

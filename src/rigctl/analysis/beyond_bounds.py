@@ -19,7 +19,7 @@ from rigctl.units import show
 
 
 def agreeing_beyond(before: ModelComparison) -> ModelComparison | None:
-    """The model fitted with wider bounds, if no test rejects it then.
+    """The model fitted with wider bounds, if it agrees with the data then.
 
     None if it agrees as it is, if no bound of a user holds it, or if wider bounds do not help.
     """
@@ -27,7 +27,7 @@ def agreeing_beyond(before: ModelComparison) -> ModelComparison | None:
         return None
     with suppress(RigctlError):  # the model cannot be simulated there
         beyond = judge(_fitted_beyond(before.fit), before.name, excluded=before.excluded)
-        return None if beyond.adequacy.verdict is False else beyond
+        return beyond if beyond.adequacy.agrees else None
     return None
 
 
@@ -55,6 +55,6 @@ def beyond_text(before: ModelComparison, beyond: ModelComparison) -> str:
 
 
 def wider_bounds_text(before: ModelComparison) -> str:
-    """What to do: ``wider bounds of heat_capacity in the family file, or a reason for them``."""
+    """What to do: ``wider bounds of heat_capacity in its file; or, if they are right, …``."""
     names = " and ".join(one.parameter for one in before.bounds if one.decisive)
-    return f"wider bounds of {names} in the family file; or, if they are right, a model with another effect"
+    return f"wider bounds of {names} in its file; or, if they are right, a model with another effect"

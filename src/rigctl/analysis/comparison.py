@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from rigctl.analysis.adequacy import adequacy
@@ -125,14 +126,15 @@ def judge(
             return judge(again, name, excluded=excluded, on_progress=on_progress)
     budget = sensor_budget(fitted)
     exact = None
-    if budget is not None and budget.matters and tests.agrees:
+    if budget is not None and (tests.only_misread or (budget.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {name} as if every sensor were exact")
-        exact = judge(_with_exact_sensors(fitted), name, excluded=excluded, on_progress=on_progress)
+        with suppress(RigctlError):  # it cannot be simulated without these errors: nothing to compare with
+            exact = judge(_with_exact_sensors(fitted), name, excluded=excluded, on_progress=on_progress)
     return ModelComparison(
         name=name,
         sensors=budget,
-        exact=None if exact is None or exact.adequacy.agrees else exact,
+        exact=exact if exact is not None and exact.adequacy.verdict is False else None,
         fit=fitted,
         adequacy=tests,
         linearisation=linearisation,

@@ -29,6 +29,7 @@ from rigctl.analysis.text import (
     evidence_for,
     verdict_text,
     whether_at_all,
+    would_be_missing,
 )
 from rigctl.analysis.undecided import unproven_text, what_decides
 from rigctl.analysis.untestable import untestable
@@ -198,7 +199,7 @@ def _decided_by(before: ModelComparison, verdict: Verdict) -> tuple[str, ...]:
     """What would decide what is open: slow noise or an effect, a sensor or an effect."""
     if verdict is Verdict.UNDECIDED:
         return what_decides(before.fit, before.adequacy.unproven)
-    return before.decided_by if before.explained_by and verdict is Verdict.ADEQUATE else ()
+    return before.decided_by if before.explained_by else ()
 
 
 def _with_exact_sensors(
@@ -212,19 +213,13 @@ def _with_exact_sensors(
 
 def _exact_text(exact: Diagnosis | None) -> list[str]:
     """The verdict that exact sensors would have, in a sentence."""
-    if exact is None:
-        return []
-    named = " and ".join(exact.effects)
-    would = (
-        f"{named} would be named as missing" if named else "something would be missing that nothing explains"
-    )
-    return [f"with exact sensors, {would}; the stated calibrations explain it as well"]
+    return [] if exact is None else [f"with exact sensors, {would_be_missing(exact)}"]
 
 
 def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> Statement:
     """The verdict in words."""
     search, best = judgement.search, judgement.best
-    if judgement.shown.adequacy.only_misread:
+    if judgement.verdict is Verdict.OUTSIDE_LIBRARY and judgement.shown.adequacy.only_misread:
         return Statement(judgement.shown.statement, judgement.shown.statement)
     shape = "" if search.in_own_scale else _shape_alone(search) or _shape_mostly(search, best)
     if shape:

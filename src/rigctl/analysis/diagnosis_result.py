@@ -276,7 +276,8 @@ class Diagnosis:
         if self.doubt or self.verdict is Verdict.UNDECIDED:
             return "Not decided"
         if self.before.adequacy.only_misread:
-            return "A sensor reads wrongly"
+            exact = self.with_exact_sensors
+            return "A sensor reads wrongly" + (", or an effect is missing" if exact and exact.effects else "")
         if self.before.explained_by and self.verdict is Verdict.ADEQUATE:
             return "Adequate within the stated calibration"
         return {

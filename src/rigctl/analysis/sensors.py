@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.reading_errors import ReadingError
-from rigctl.units import parse_unit, show, significant
+from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ class Misreading:
     stated: the uncertainty that the rig file states for it, 95 %.
     beyond: it contradicts what is stated.
     number: of the calibration, from 1, if the channel was calibrated anew.
+    difference: the channel is a difference of temperatures.
     """
 
     channel: str
@@ -56,12 +57,13 @@ class Misreading:
     stated: float
     beyond: bool
     number: int = 1
+    difference: bool = False
 
     @property
     def text(self) -> str:
         """``temperature_1 reads 0.8 K high at 55 degC (stated ±1 K)``."""
         size = show(abs(self.error), self.unit, difference=True, digits=2)
-        at = show(self.at, self.unit, digits=2)
+        at = show(self.at, self.unit, difference=self.difference, digits=2)
         stated = show(self.stated, self.unit, difference=True, digits=2)
         direction = "high" if self.error > 0.0 else "low"
         again = f" under its calibration {self.number}" if self.number > 1 else ""
@@ -77,7 +79,7 @@ class Misreading:
             "std": self.std / unit.factor,
             "stated": self.stated / unit.factor,
             "unit": "K" if unit.offset else self.unit,
-            "at": unit.from_si(self.at),
+            "at": unit.from_si(self.at, difference=self.difference),
             "beyond": self.beyond,
         }
 
@@ -105,7 +107,9 @@ class SensorBudget:
 
     @cached_property
     def matters(self) -> bool:
-        """Whether exact sensors would leave significantly more misfit."""
+        """Whether exact sensors would leave significantly more misfit; a part at its bound always does."""
+        if not np.all(np.diag(self.covariance) > 0.0):
+            return True
         return self._raised_without(range(len(self.errors))) < ALPHA
 
     @cached_property
@@ -145,16 +149,16 @@ class SensorBudget:
 
     def _deciding_share(self, misreading: Misreading) -> float:
         """The largest share of its stated uncertainty at which a right sensor leaves a misfit; 0 if none."""
-        prior = np.array([one.std for one in self.errors])
-        covariance = self.covariance / np.outer(prior, prior)  # in units of the priors
+        free = np.flatnonzero(np.diag(self.covariance) > 0.0)  # a part at its bound has none
+        prior = np.array([self.errors[k].std for k in free])
+        covariance = self.covariance[np.ix_(free, free)] / np.outer(prior, prior)  # in units of the priors
         inverse = np.linalg.pinv(covariance, hermitian=True)
-        score = inverse @ (self.estimate / prior)
+        score = inverse @ (self.estimate[free] / prior)
         information = inverse - np.eye(prior.size)
         of = self._of(misreading)
 
         def left(share: float) -> float:
-            weights = np.ones(prior.size)
-            weights[of] = 1.0 / share**2
+            weights = np.where(np.isin(free, of), 1.0 / share**2, 1.0)
             return -float(score @ np.linalg.solve(information + np.diag(weights), score))
 
         now = left(1.0)
@@ -208,7 +212,8 @@ def sensor_budget(fit: FitResult) -> SensorBudget | None:
     values = dict(zip((one.name for one in fit.problem.shared), fit.values, strict=True))
     estimate = np.array([float(values[one.name]) for one in free])
     covariance = solution.covariance[np.ix_(at, at)]
-    calibrations = dict.fromkeys((one.channel, one.number) for one in free)
+    read = {one.channel for one in free if _readings(fit, one.channel).size}
+    calibrations = dict.fromkeys((one.channel, one.number) for one in free if one.channel in read)
     return SensorBudget(
         tuple(free),
         estimate,
@@ -236,7 +241,10 @@ def _misreading(
     stated = 2.0 * float(np.max(np.abs(shape) * prior))
     error, value = float(curve[worst]), float(readings[worst])
     beyond = abs(error) > max(_BEYOND * stated, stated + std)
-    return Misreading(channel, _unit(fit, channel), error, value, std, stated, beyond, number)
+    rig = fit.problem.measurements.rig
+    assert rig is not None  # noqa: S101 - calibrations are those of a rig file
+    sensor = rig.channels[channel]
+    return Misreading(channel, sensor.unit, error, value, std, stated, beyond, number, sensor.difference)
 
 
 def _readings(fit: FitResult, channel: str) -> Floats:
@@ -250,13 +258,10 @@ def _readings(fit: FitResult, channel: str) -> Floats:
         k = measurements.inputs.index(channel)
         values = np.concatenate([record.input_course(k) for record in records])
     good = np.asarray(values[np.isfinite(values)])
+    if not good.size:
+        return good
     low, high = float(good.min()), float(good.max())
     return np.linspace(low, high, 65) if high > low else np.array([low])
-
-
-def _unit(fit: FitResult, channel: str) -> str:
-    rig = fit.problem.measurements.rig
-    return rig.channels[channel].unit if rig is not None else ""
 
 
 def uncertainty_shares(fit: FitResult, name: str) -> dict[str, float]:
@@ -287,9 +292,3 @@ def uncertainty_shares(fit: FitResult, name: str) -> dict[str, float]:
         shares[source] = shares.get(source, 0.0) + share
     shown = {source: share for source, share in shares.items() if share >= 0.005}
     return {"noise": max(0.0, 1.0 - sum(shown.values())), **shown}
-
-
-def share_text(shares: dict[str, float]) -> str:
-    """``noise 60 %, calibration of T1 40 %``."""
-    ordered = sorted(shares.items(), key=lambda one: -one[1])
-    return ", ".join(f"{name} {significant(100.0 * share, 2)} %" for name, share in ordered)

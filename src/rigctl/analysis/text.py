@@ -22,7 +22,7 @@ from rigctl.analysis.decision_levels import (
     SHAPE_TOLERANCE,
     TOLERANCE,
 )
-from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.identity import only_constants, wanted_elsewhere
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, share_text
@@ -64,6 +64,16 @@ class Statement:
 
     opening: str
     text: str
+
+
+def would_be_missing(exact: Diagnosis) -> str:
+    """What is missing according to a diagnosis with exact sensors: ``valve_leakage would be missing``."""
+    named = " and ".join(exact.effects)
+    if exact.verdict is Verdict.MISSING_EFFECT:
+        return f"{named} would be missing"
+    if exact.verdict is Verdict.AMBIGUOUS:
+        return f"{named} might be missing, or another effect"
+    return "the model would not agree, and nothing in the library would explain it"
 
 
 def verdict_text(

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from rigctl.cli.echo import echo, echo_json
-from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.dataset.pass_fail import Judgement
@@ -93,6 +92,9 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
     from rigctl.files.write import to_json
 
     finish_display()
+    if result.unconfirmed is not None:  # before anything that takes time, or may fail
+        warning = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
+        typer.secho(f"{warning}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     test = result.test
     stuck = _stuck(result)
     if as_json:
@@ -120,9 +122,6 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
             _report_test(test)
         for sentence in stuck:
             echo(f"  note: {sentence}")
-    if result.unconfirmed is not None:
-        warning = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
-        typer.secho(f"{warning}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     raise typer.Exit(int(result.exit_code))
 
 
@@ -131,11 +130,11 @@ def _stuck(result: RunResult) -> list[str]:
     from rigctl.dataset import open_run
     from rigctl.dataset.stuck_channels import stuck_channels
 
-    if result.folder is None:
+    if result.folder is None or result.unconfirmed is not None:
         return []
     try:
         return stuck_channels(open_run(result.folder))
-    except RigctlError:  # how the run ended is reported even if its files are damaged
+    except Exception:  # noqa: BLE001 - a remark on the data must not hide how the run ended
         return []
 
 

@@ -17,13 +17,15 @@ Sound channels repeat values, too, and four more conditions exclude them:
 - A sensor may be quiet at rest and noisy in use. Its rests are of all lengths, so that a stretch must be
   `_FAR` times as long as the longest other one that is not such a stretch itself.
 - A flow meter is quiet where nothing flows, a pressure transducer while the pump is off, and a saturated
-  amplifier has one highest value: the smallest and the largest of all readings say nothing.
+  amplifier has one highest value: the smallest and the largest of all readings say nothing, nor does a value
+  to which a channel returns `_RETURNS` times, as to the zero of a meter that reads both directions.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -55,6 +57,8 @@ _FEWEST_OTHERS: Final = 30
 #: equal readings from which a stretch is stored, and the most stored ones: of more, nothing stands out
 _STORED: Final = 3
 _MOST_STORED: Final = 200
+#: so many stretches at one value are rests, to which the channel returns
+_RETURNS: Final = 3
 #: stretches that a remark lists
 _MOST_TOLD: Final = 3
 
@@ -149,7 +153,14 @@ class StandstillDetector:
         for count in range(len(stretches), 0, -1):
             shorter = stretches[count].readings if count < len(stretches) else self._others
             if self._no_coincidence(stretches[:count], max(shorter, 1)):
-                told = (one for one in stretches[:count] if one.value not in self._ends)
+                # a value to which a channel returns is a level of rest, as that of a dead band: no sensor
+                # sticks again and again at one value among many
+                often = Counter(one.value for one in stretches[:count])
+                told = (
+                    one
+                    for one in stretches[:count]
+                    if one.value not in self._ends and often[one.value] < _RETURNS
+                )
                 return sorted(told, key=lambda one: (one.record, one.begin))
         return []
 

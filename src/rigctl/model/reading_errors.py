@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.dataset.run import Run
 from rigctl.effects.declaration import Effect, EffectParameter, qualified
 from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.engine.symbols import Scalar, constant_like
@@ -53,6 +52,7 @@ class ReadingError:
     unit: SI unit of the channel.
     runs: those recorded under this calibration; empty for all.
     number: of the calibration, from 1, where a channel has more than one.
+    latest: it is the last one, under which further records would be made.
     """
 
     channel: str
@@ -63,6 +63,7 @@ class ReadingError:
     unit: str
     runs: tuple[str, ...] = ()
     number: int = 1
+    latest: bool = True
 
     @property
     def parameter(self) -> str:
@@ -83,8 +84,8 @@ class ReadingError:
         )
 
     def acts_in(self, run: str) -> bool:
-        """Whether the records of a run were made under this calibration."""
-        return not self.runs or run in self.runs
+        """Whether the records of a run were made under this calibration; "" for records still to be made."""
+        return not self.runs or run in self.runs or (not run and self.latest)
 
     def basis(self, value: Floats) -> Floats:
         """b(y): the error of a reading of `value`, per unit of the unknown."""
@@ -110,37 +111,30 @@ class ReadingError:
 
 
 def reading_errors(
-    channels: Mapping[str, Channel],
-    readings: Mapping[str, Floats],
-    runs: Sequence[Run],
-    *,
-    rows: bool = False,
+    channels: Mapping[str, Mapping[str, Channel]], readings: Mapping[str, Floats], *, rows: bool = False
 ) -> tuple[ReadingError, ...]:
     """The errors of the calibrations of these channels, as far as their uncertainty is stated.
 
     Parameters
     ----------
+    channels: of each run, as they were when it was recorded, in the order of the runs.
     readings: of each channel in all records, SI.
-    runs: in which each channel may have been calibrated anew.
     rows: the readings are single values of a table, of which many are differences: an error of the zero
         cancels, and gain and curvature count from zero.
     """
     errors: list[ReadingError] = []
     for name, values in readings.items():
-        channel, good = channels.get(name), values[np.isfinite(values)]
-        if channel is None or not good.size:
-            continue
-        middle, half = _span(channel, good, rows=rows)
-        stated = channel.reading_uncertainty(middle, half)
-        parts = {
-            part: 0.5 * size
-            for part, size in stated.items()
-            if size > 0.0 and (part == "zero" or half > 0.0) and not (rows and part == "zero")
-        }
-        for number, of in enumerate(_calibrations(name, runs), 1):
+        good = values[np.isfinite(values)]
+        calibrations = _calibrations(name, channels) if good.size else []
+        for number, (channel, runs) in enumerate(calibrations, 1):
+            middle, half = _span(channel, good, rows=rows)
+            last = number == len(calibrations)
             errors += [
-                ReadingError(name, part, std, middle, half or 1.0, si_unit(channel.unit), of, number)
-                for part, std in parts.items()
+                ReadingError(
+                    name, part, 0.5 * size, middle, half or 1.0, si_unit(channel.unit), runs, number, last
+                )
+                for part, size in channel.reading_uncertainty(middle, half).items()
+                if size > 0.0 and (part == "zero" or half > 0.0) and not (rows and part == "zero")
             ]
     return tuple(errors)
 
@@ -158,13 +152,26 @@ def _span(channel: Channel, readings: Floats, *, rows: bool) -> tuple[float, flo
     return 0.5 * (low + high), 0.5 * max(high - low, _LEAST_SPAN * reach)
 
 
-def _calibrations(channel: str, runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """The runs under each calibration of a channel; one entry without names if it was never changed."""
-    known: dict[str, list[str]] = {}
-    for run in runs:
-        facts = (run.header.calibrations.get(channel) or {}).get("calibration") or {}
-        known.setdefault(f"{facts.get('coefficients')} {facts.get('date')}", []).append(run.id)
-    return [()] if len(known) < 2 else [tuple(of) for of in known.values()]
+def _calibrations(
+    name: str, channels: Mapping[str, Mapping[str, Channel]]
+) -> list[tuple[Channel, tuple[str, ...]]]:
+    """The states of a channel's calibration, each with its runs; without names if it was never changed."""
+    known: list[tuple[Channel, list[str]]] = []
+    for run, of_run in channels.items():
+        channel = of_run.get(name)
+        if channel is None:
+            continue
+        same = (
+            runs
+            for one, runs in known
+            if (one.calibration, one.range) == (channel.calibration, channel.range)
+        )
+        runs = next(same, None)
+        if runs is None:
+            known.append((channel, [run]))
+        else:
+            runs.append(run)
+    return [(channel, tuple(runs) if len(known) > 1 else ()) for channel, runs in known]
 
 
 def calibration_effect(family: ModelFamily, errors: Sequence[ReadingError]) -> Effect:

@@ -10,6 +10,7 @@ from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
 from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
 from rigctl.analysis.remainder import share_text
+from rigctl.analysis.text import would_be_missing
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.report.answer import Answer, Tone, error_text, fit_text, nonempty, pattern_of
@@ -58,8 +59,7 @@ def _exact(diagnosis: Diagnosis) -> str:
     exact = diagnosis.with_exact_sensors
     if exact is None:
         return ""
-    named = " and ".join(exact.effects)
-    return f"if they were exact, {named or 'something that nothing explains'} would be missing"
+    return f"if they were exact, {would_be_missing(exact)}"
 
 
 def _error(diagnosis: Diagnosis) -> str:

@@ -431,9 +431,9 @@ class Bench:
             if self.rig.actuators[name].by == "driven"
             and (value != self.safe_value(name) or name in self._loops)
         }
-        if doubts or self._unseen_since is None:
-            return self._shown(doubts)
         names = ", ".join(name for name in self.rig.safe_state if self.rig.actuators[name].by == "driven")
+        if doubts or self._unseen_since is None or not names:
+            return self._shown(doubts)
         seen = f"{self._unseen_since.astimezone():%H:%M:%S}"
         return f"{names} (safe when last seen at {seen}; a restart may have switched them on)"
 

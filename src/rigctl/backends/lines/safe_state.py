@@ -31,7 +31,7 @@ class SafeOutcome:
 
     Attributes
     ----------
-    trouble: why outputs may not be safe, the first reason; None if all have been confirmed.
+    trouble: why outputs may not be safe, the first reason or the first silence; None if all are confirmed.
     doubtful: the outputs that were not confirmed, with the SI value that was read; None if none was read.
     """
 
@@ -39,8 +39,10 @@ class SafeOutcome:
     doubtful: dict[str, float | None] = field(default_factory=dict)
 
     def doubt(self, names: Iterable[str], trouble: PortLost | Refused) -> None:
-        """Record that outputs were not confirmed."""
-        self.trouble = self.trouble or trouble
+        """Record that outputs were not confirmed; a silence outranks a refusal: anything may follow it."""
+        silent = isinstance(trouble, PortLost) and not isinstance(self.trouble, PortLost)
+        if self.trouble is None or silent:
+            self.trouble = trouble
         self.doubtful |= dict.fromkeys(names)
 
 

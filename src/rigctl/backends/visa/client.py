@@ -72,7 +72,8 @@ class VisaClient:
             self._require_same()
         answer = self._exchange(line)
         if line == self._identify and answer is not None:
-            self._identity = self._identity or answer
+            if not self._unknown:  # a connection without an interruption: the first answer may have been late
+                self._identity = answer
             self._unknown = answer != self._identity
         return answer
 

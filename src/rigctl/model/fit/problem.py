@@ -111,11 +111,13 @@ class Problem:
             return (self.simulate,)
         system, data = self.compiled.system, self.measurements
         records = [replace(record, run="", index=0, label="") for record in data.records]
+        errors = [replace(one, runs=()) for one in data.reading_errors]
+        acting = [[one.acts_in(record.run) for one in data.reading_errors] for record in data.records]
         return (
             self.compiled.source.text,
             (system.states, system.inputs, system.parameter_names, system.output_names),
             [delay.input for delay in system.delays],
-            (data.outputs, data.inputs, records, data.input_noise, data.reading_errors),
+            (data.outputs, data.inputs, records, data.input_noise, errors, acting),
             self.noise,
             self.ok,
             (self.shared, self.local, self.base, self.starts),
@@ -447,8 +449,15 @@ class Problem:
         )
 
     def _recorded(self, record: MeasuredRecord) -> list[str]:
-        """The parameters of inputs that some records lack and this one has, fitted or not."""
-        return [qualified(RECORD, name) for name in self.level.inputs if name not in record.unrecorded]
+        """The parameters of inputs that do not act in this record, fitted or not.
+
+        Those of inputs that some records lack and this one has, and of other calibrations of a measured one.
+        """
+        of_inputs = set(self.measurements.reading_errors) - set(self._reading_errors)
+        return [
+            *(qualified(RECORD, name) for name in self.level.inputs if name not in record.unrecorded),
+            *(one.name for one in of_inputs if not one.acts_in(record.run)),
+        ]
 
     @cached_property
     def _index(self) -> dict[str, int]:

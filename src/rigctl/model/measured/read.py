@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from rigctl.model.measured.notes import notes
 from rigctl.model.measured.observations import observed_records, taken_inputs, taken_temperature, titles
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
-from rigctl.model.measured.rigs import rig_of
+from rigctl.model.measured.rigs import recorded_rigs, rig_of
 from rigctl.model.measured.stuck import without_stuck_readings
 from rigctl.model.measured.table import as_table
 from rigctl.model.model import Model
@@ -98,14 +98,17 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         input_noise=steady.noise,
     )
     table = as_table(measured, runs, titles(model.family.name))
-    return replace(table, reading_errors=_reading_errors(table, runs))
+    return replace(table, reading_errors=_reading_errors(table, runs, recorded_rigs(model, runs)))
 
 
-def _reading_errors(measured: Measurements, runs: Sequence[Run]) -> tuple[ReadingError, ...]:
+def _reading_errors(
+    measured: Measurements, runs: Sequence[Run], rigs: Mapping[str, Rig]
+) -> tuple[ReadingError, ...]:
     """How wrong the calibrations may be: of the outputs, and of the inputs that a channel measured."""
     if measured.rig is None or not measured.records:
         return ()
-    records, channels = measured.records, measured.rig.channels
+    records = measured.records
+    inputs = {name for run in runs for name in run.layout.channels if name in rigs[run.id].channels}
     readings = {
         name: np.concatenate([record.values[:, k] for record in records])
         for k, name in enumerate(measured.outputs)
@@ -113,9 +116,10 @@ def _reading_errors(measured: Measurements, runs: Sequence[Run]) -> tuple[Readin
     readings |= {
         name: np.concatenate([record.input_course(k) for record in records])
         for k, name in enumerate(measured.inputs)
-        if name in channels and any(name in run.layout.channels for run in runs)
+        if name in inputs
     }
-    return reading_errors(channels, readings, runs, rows=measured.table)
+    channels = {run.id: rigs[run.id].channels for run in runs}
+    return reading_errors(channels, readings, rows=measured.table)
 
 
 def _of_run(

@@ -38,6 +38,12 @@ def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
     return result or model.rig
 
 
+def recorded_rigs(model: Model, runs: Sequence[Run]) -> dict[str, Rig]:
+    """The bench of each run, by its id, as it was then; the model's where a run does not say."""
+    assert model.rig is not None  # noqa: S101 - a model of measurements on a bench
+    return {run.id: _recorded(run) or model.rig for run in runs}
+
+
 def _recorded(run: Run) -> Rig | None:
     return _read(run.header.rig.text)
 
