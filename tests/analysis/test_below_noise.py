@@ -87,7 +87,7 @@ def test_a_set_with_an_error_below_the_noise_is_at_most_ambiguous_and_states_its
     search, best = searched(Adequacy(little, below_noise=True), (member("valve_leakage"),))
     assert search.sure(best)
     left = Remainder(0.007, 2.0, 0.004, "", "", "", "0.7 % of the misfit is left", below_noise=True)
-    quiet = SimpleNamespace(problem=SimpleNamespace(noise=SimpleNamespace(channels=())))
+    quiet = SimpleNamespace(problem=SimpleNamespace(noise=SimpleNamespace(channels=())), solution=None)
     best = cast(
         "RefittedSet",
         SimpleNamespace(candidates=best.candidates, unusual={}, undetermined=(), chi2=best.chi2, fit=quiet),
@@ -126,7 +126,7 @@ def test_a_member_whose_complement_cannot_be_fitted_is_ranked_with_its_own_param
         candidates=(chosen[0], held),
         amplitudes=lambda _: np.array([4e-15]),
         value=lambda _: (4e-15, 1e-16),
-        fit=SimpleNamespace(problem=SimpleNamespace(shared=())),
+        fit=SimpleNamespace(problem=SimpleNamespace(shared=()), values=np.empty(0)),
     )
     score = _score_beside(search, found, "valve_leakage")
     assert others[score.candidate].name == "valve_leakage"

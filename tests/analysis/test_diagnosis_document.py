@@ -16,7 +16,9 @@ BEFORE: Any = SimpleNamespace(
     findings=(),
     adequate=True,
     channels=dict,
-    adequacy=SimpleNamespace(p_value=0.5),
+    adequacy=SimpleNamespace(p_value=0.5, only_misread=False),
+    sensors=None,
+    explained_by=None,
     bounds=(),
     undetermined=(),
 )

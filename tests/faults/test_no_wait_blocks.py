@@ -48,7 +48,8 @@ def test_a_signal_ends_a_wait_for_an_actuator_to_rest(stand: Stand) -> None:
     stand.signal_at(pressed)
     done = stand.run(steps_for(stand), stand.rig(LONG_REST[stand.kind]))
     assert (done.result.status, done.result.exit_code) == ("aborted", ExitCode.INTERRUPTED)
-    assert done.result.duration < pressed + 0.5
+    # a line device is identified again after its outputs were read back
+    assert done.result.duration < pressed + (0.6 if stand.kind == "lines" else 0.5)
     on = [entry for entry in stand.seen if entry[2] != 0.0]
     assert len(on) == 2, "what waited was dropped"
     assert stand.on_after(pressed) == []

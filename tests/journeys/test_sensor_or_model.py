@@ -19,7 +19,7 @@ from rigctl.cli.commands.init import create_project
 
 Floats = NDArray[np.float64]
 RIG, MODEL = Path("rigs/heater-board.yaml"), "models/heater-board.yaml"
-CAPACITY, LOSS, ROOM, SPREAD = 2.0, 0.016, 23.0, 0.05
+CAPACITY, LOSS, ROOM, SPREAD = 2.0, 0.016, 23.0, 0.1
 #: what each error of 1 K adds to a reading, over its position between the lowest and the highest reading
 ERRORS: dict[str, Callable[[Floats], Floats]] = {
     "zero": np.ones_like,
