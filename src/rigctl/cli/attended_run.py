@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import getpass
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -87,7 +88,16 @@ def person_in_charge(given: str | None) -> str:
 
 
 def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
-    """Report how a run ended, and end with its exit code."""
+    """Report how a run ended, and end with its exit code, also if the terminal was closed."""
+    try:
+        _tell_end(result, as_json=as_json)
+    except OSError as error:
+        if error.errno != errno.EIO:  # that of a terminal that is gone: nobody reads how it ended
+            raise
+    raise typer.Exit(int(result.exit_code))
+
+
+def _tell_end(result: RunResult, *, as_json: bool) -> None:
     from rigctl.cli.nonblocking_output import finish_display
     from rigctl.files.write import to_json
 
@@ -122,7 +132,6 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
             _report_test(test)
         for sentence in stuck:
             echo(f"  note: {sentence}")
-    raise typer.Exit(int(result.exit_code))
 
 
 def _stuck(result: RunResult) -> list[str]:
