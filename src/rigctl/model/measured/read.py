@@ -108,7 +108,7 @@ def _reading_errors(
     if measured.rig is None or not measured.records:
         return ()
     records = measured.records
-    inputs = {name for run in runs for name in run.layout.channels if name in rigs[run.id].channels}
+    inputs = {name for run in runs if run.id in rigs for name in run.layout.channels}
     readings = {
         name: np.concatenate([record.values[:, k] for record in records])
         for k, name in enumerate(measured.outputs)
@@ -118,7 +118,7 @@ def _reading_errors(
         for k, name in enumerate(measured.inputs)
         if name in inputs
     }
-    channels = {run.id: rigs[run.id].channels for run in runs}
+    channels = {run: rig.channels for run, rig in rigs.items()}
     return reading_errors(channels, readings, rows=measured.table)
 
 

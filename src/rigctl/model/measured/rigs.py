@@ -39,9 +39,12 @@ def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
 
 
 def recorded_rigs(model: Model, runs: Sequence[Run]) -> dict[str, Rig]:
-    """The bench of each run, by its id, as it was then; the model's where a run does not say."""
-    assert model.rig is not None  # noqa: S101 - a model of measurements on a bench
-    return {run.id: _recorded(run) or model.rig for run in runs}
+    """The bench of each run, by its id, as it was then; the model's where a run does not say.
+
+    Without an entry where neither has one: a table measured on no bench.
+    """
+    benches = {run.id: _recorded(run) or model.rig for run in runs}
+    return {name: rig for name, rig in benches.items() if rig is not None}
 
 
 def _recorded(run: Run) -> Rig | None:
