@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.stats import chi2, f
 
-from rigctl.analysis.adequacy import Test, chi2_tail
+from rigctl.analysis.adequacy import Test
 from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle
 from rigctl.analysis.nuisance_projection import project

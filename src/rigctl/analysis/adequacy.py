@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA, BELOW_NOISE, LEAST_EXPLAINED, QUANTILE
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.residual_analysis import Correlations, residual_correlations
 from rigctl.analysis.score_test import Screening
-from rigctl.analysis.sensors import sensor_budget
+from rigctl.analysis.sensors import SensorBudget, sensor_budget
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import ChannelNoise
@@ -75,6 +76,7 @@ class Adequacy:
     stated: channels whose errors are not white at the floor either, but within the noise that the rig file
         states.
     unusable: channels of which the rig file states a noise that is far from the data: nothing can be decided.
+    sensors: the errors of the calibrations; None if no uncertainty is stated.
     misread: channels whose calibration would have to be wrong by more than the rig file states.
     agrees: no test rejects, no channel is unproven, and none is misread.
     adequate: the model agrees, or no test can be trusted; ends a search, but does not say what explains the
@@ -87,7 +89,7 @@ class Adequacy:
     unproven: tuple[str, ...] = ()
     stated: tuple[str, ...] = ()
     unusable: tuple[str, ...] = ()
-    misread: tuple[str, ...] = ()
+    sensors: SensorBudget | None = None
 
     @property
     def p_value(self) -> float:
@@ -98,6 +100,11 @@ class Adequacy:
     def rejected(self) -> bool:
         """True if a test rejects: p_value is below `ALPHA`."""
         return self.p_value < ALPHA
+
+    @property
+    def misread(self) -> tuple[str, ...]:
+        """The channels that read more wrongly than their calibrations allow."""
+        return () if self.sensors is None else tuple(one.channel for one in self.sensors.beyond)
 
     @property
     def agrees(self) -> bool:
@@ -133,10 +140,9 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
     tests = {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
-    budget = sensor_budget(fit)
-    misread = () if budget is None else tuple(one.channel for one in budget.beyond)
+    sensors = sensor_budget(fit)
     if fit.problem.measurements.table:
-        return Adequacy(tests, misread=misread)
+        return Adequacy(tests, sensors=sensors)
     floors = [channel for channel in fit.problem.noise.channels if channel.own_scale]
     found = residual_correlations(fit) if floors else {}
     if floors:
@@ -151,7 +157,7 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
         unproven=tuple(one.name for one in open_ if not within_statement(fit, one)),
         stated=tuple(one.name for one in open_ if within_statement(fit, one)),
         unusable=tuple(one.name for one in fit.problem.noise.channels if one.unusable),
-        misread=misread,
+        sensors=sensors,
     )
     if not result.rejected or floors:
         return result
@@ -294,18 +300,6 @@ def chi2_test(projected: Projected) -> Test:
         return Test(statistic, chi2_tail(statistic, dof), dof, spread)
     z = (statistic - dof) / spread
     return Test(statistic, 0.5 * math.erfc(z / math.sqrt(2.0)), dof, spread)
-
-
-def chi2_tail(statistic: float, dof: int, known: int = 0) -> float:
-    """Probability that χ² with `dof` degrees of freedom is at least `statistic`.
-
-    If the noise has only `known` degrees of freedom, that of ``dof·F(dof, known)``.
-    """
-    from scipy.special import fdtrc, gammaincc
-
-    if known:
-        return float(fdtrc(dof, known, max(statistic, 0.0) / dof))
-    return float(gammaincc(0.5 * dof, 0.5 * max(statistic, 0.0)))
 
 
 def _quantile(dof: int, known: int) -> float:

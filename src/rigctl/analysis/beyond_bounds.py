@@ -43,7 +43,7 @@ def _fitted_beyond(fitted: FitResult) -> FitResult:
 
 
 def beyond_text(before: ModelComparison, beyond: ModelComparison) -> str:
-    """``with heat_capacity at 220 J/K the model agrees: whether anything else is missing is not decided``."""
+    """``with heat_capacity at 220 J/K, beyond its bound, oven agrees …: nothing else need be missing``."""
     ended = {one.name: float(v) for one, v in zip(beyond.fit.problem.shared, beyond.fit.values, strict=True)}
     values = " and ".join(
         f"{one.parameter} at {show(ended[one.parameter], one.unit)}" for one in before.bounds if one.decisive

@@ -24,7 +24,6 @@ from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.score_test import screen
-from rigctl.analysis.sensors import sensor_budget
 from rigctl.analysis.slopes import KnownSlopes
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
@@ -124,16 +123,14 @@ def judge(
         again = _without_refuted_noise(fitted)
         if again is not None:
             return judge(again, name, excluded=excluded, on_progress=on_progress)
-    budget = sensor_budget(fitted)
     exact = None
-    if budget is not None and (tests.only_misread or (budget.matters and tests.agrees)):
+    if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {name} as if every sensor were exact")
         with suppress(RigctlError):  # it cannot be simulated without these errors: nothing to compare with
             exact = judge(_with_exact_sensors(fitted), name, excluded=excluded, on_progress=on_progress)
     return ModelComparison(
         name=name,
-        sensors=budget,
         exact=exact if exact is not None and exact.adequacy.verdict is False else None,
         fit=fitted,
         adequacy=tests,

@@ -64,7 +64,6 @@ class ModelComparison:
     whole: the same data with the equations of the whole library, every effect at its null.
     located: where its error lies; each part is computed when it is first used.
     excluded: effects that were not considered.
-    sensors: the errors of the calibrations; None if no uncertainty is stated.
     exact: if the model agrees only because sensors may be wrong as stated, the comparison with exact ones.
     slopes: for a model with effects, the derivatives at its fit, until a diagnosis linearises it with the
         discrepancies of their laws.
@@ -79,7 +78,6 @@ class ModelComparison:
     whole: Problem = field(repr=False)
     located: LocatedError = field(repr=False)
     excluded: frozenset[str] = frozenset()
-    sensors: SensorBudget | None = None
     exact: ModelComparison | None = field(default=None, repr=False)
     slopes: KnownSlopes | None = field(default=None, repr=False)
 
@@ -165,6 +163,11 @@ class ModelComparison:
                 f"({chance_text(self.exact.adequacy.p_value)})"
             )
         return self.located.statement
+
+    @property
+    def sensors(self) -> SensorBudget | None:
+        """The errors of the calibrations; None if no uncertainty is stated."""
+        return self.adequacy.sensors
 
     @property
     def explained_by(self) -> str | None:

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chi2_tail
+from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.linearisation import Linearisation, quiet_columns
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.model.fit.errors import whitened_residual

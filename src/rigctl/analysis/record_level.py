@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chance_text, chi2_tail
+from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import free_unknowns
 from rigctl.engine.least_squares import Refused

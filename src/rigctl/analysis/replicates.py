@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chi2_tail
+from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle
 
 Floats = NDArray[np.float64]

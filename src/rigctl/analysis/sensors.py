@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.reading_errors import ReadingError
@@ -163,7 +164,7 @@ class SensorBudget:
 
         now = left(1.0)
         for share in _SHARES:
-            if _chance(left(share) - now, len(of)) < ALPHA:
+            if chi2_tail(left(share) - now, len(of)) < ALPHA:
                 return share
         return 0.0
 
@@ -189,13 +190,7 @@ class SensorBudget:
         sizes = np.array([self.errors[k].std for k in at])
         inverse = np.linalg.pinv(self.covariance[np.ix_(at, at)] / np.outer(sizes, sizes), hermitian=True)
         scaled = self.estimate[at] / sizes
-        return _chance(float(scaled @ inverse @ scaled), len(at))
-
-
-def _chance(statistic: float, dof: int) -> float:
-    from scipy.special import gammaincc
-
-    return float(gammaincc(0.5 * dof, 0.5 * max(statistic, 0.0)))
+        return chi2_tail(float(scaled @ inverse @ scaled), len(at))
 
 
 def sensor_budget(fit: FitResult) -> SensorBudget | None:
@@ -262,33 +257,3 @@ def _readings(fit: FitResult, channel: str) -> Floats:
         return good
     low, high = float(good.min()), float(good.max())
     return np.linspace(low, high, 65) if high > low else np.array([low])
-
-
-def uncertainty_shares(fit: FitResult, name: str) -> dict[str, float]:
-    """The shares of the variance of one estimate that come from noise, and from each calibration and guess.
-
-    With G the prior variance of one source u and the estimate linear in it, ``∂θ̂/∂u₀ = −Cov(θ̂, u)/G`` for an
-    error u₀ in the centre of its prior, whose variance is G: its share of ``Var(θ̂)`` is ``Cov(θ̂, u)²/G``. The
-    rest is noise. Source: JCGM 100:2008 (GUM), 5.1.
-    """
-    solution = fit.solution
-    if solution is None:
-        return {}
-    unknowns = solution.unknowns
-    names = [one.name for one in unknowns]
-    if name not in names:
-        return {}
-    row = names.index(name)
-    variance = float(solution.covariance[row, row])
-    if not 0.0 < variance < math.inf:
-        return {}
-    shares: dict[str, float] = {}
-    calibrations = {one.name: one.channel for one in fit.problem.measurements.reading_errors}
-    for column, one in enumerate(unknowns):
-        if one.prior is None or column == row:
-            continue
-        source = f"calibration of {calibrations[one.name]}" if one.name in calibrations else one.name
-        share = float(solution.covariance[row, column]) ** 2 / one.prior.std**2 / variance
-        shares[source] = shares.get(source, 0.0) + share
-    shown = {source: share for source, share in shares.items() if share >= 0.005}
-    return {"noise": max(0.0, 1.0 - sum(shown.values())), **shown}

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.adequacy import Adequacy, chance_text, chi2_tail
+from rigctl.analysis.adequacy import Adequacy, chance_text
+from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.power import significant_size
 from rigctl.analysis.score_test import Score, Screening

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.trajectories import Trajectories
+from rigctl.model.fit.slopes import OfEachRecord
 from rigctl.model.reading_errors import ReadingError
 
 Floats = NDArray[np.float64]
@@ -52,8 +52,8 @@ def as_read(
     )
 
 
-class _ReadDerivatives(Sequence[NDArray[np.float64]]):
-    """The derivatives of each record's readings, computed when first used: many a fit rejects its step."""
+class _ReadDerivatives(OfEachRecord):
+    """The derivatives of each record's readings; a fit that rejects its step uses none."""
 
     def __init__(
         self,
@@ -70,17 +70,11 @@ class _ReadDerivatives(Sequence[NDArray[np.float64]]):
     def __len__(self) -> int:
         return len(self._runs)
 
-    @overload
-    def __getitem__(self, index: int) -> Floats: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Floats]: ...
-    def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
-        if isinstance(index, slice):
-            return [self[k] for k in range(*index.indices(len(self)))]
-        k = range(len(self))[index]
-        if k not in self._known:
-            self._known[k] = self._read(k)
-        return self._known[k]
+    def of(self, record: int) -> Floats:
+        """As the sensors read them."""
+        if record not in self._known:
+            self._known[record] = self._read(record)
+        return self._known[record]
 
     def _read(self, index: int) -> Floats:
         true, run = self._simulated.outputs[index], self._runs[index]

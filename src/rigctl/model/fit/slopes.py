@@ -12,6 +12,7 @@ derivatives.
 from __future__ import annotations
 
 import threading
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, overload
@@ -72,7 +73,24 @@ def simulate_soundly(
     return replace(simulated, sensitivities=_CheckedDerivatives(simulated.sensitivities, suspects, again))
 
 
-class _CheckedDerivatives(Sequence[Floats]):
+class OfEachRecord(Sequence[Floats]):
+    """Derivatives of all records, each computed when it is first used: see `of`."""
+
+    @overload
+    def __getitem__(self, index: int) -> Floats: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Floats]: ...
+    def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
+        if isinstance(index, slice):
+            return [self.of(k) for k in range(*index.indices(len(self)))]
+        return self.of(range(len(self))[index])
+
+    @abstractmethod
+    def of(self, record: int) -> Floats:
+        """(n, outputs, columns) of a record."""
+
+
+class _CheckedDerivatives(OfEachRecord):
     """Derivatives of all records; those of the `suspects` are tested when one is first used."""
 
     def __init__(
@@ -87,17 +105,12 @@ class _CheckedDerivatives(Sequence[Floats]):
     def __len__(self) -> int:
         return len(self._slopes)
 
-    @overload
-    def __getitem__(self, index: int) -> Floats: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Floats]: ...
-    def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
-        if isinstance(index, slice):
-            return [self[k] for k in range(*index.indices(len(self)))]
-        if range(len(self))[index] in self._suspects:
+    def of(self, record: int) -> Floats:
+        """As computed, or mended if it is a suspect."""
+        if record in self._suspects:
             with self._mending:
                 self._mend()
-        return self._slopes[index]
+        return self._slopes[record]
 
     def _mend(self) -> None:
         spoilt = []
