@@ -89,6 +89,31 @@ def test_a_steady_duration_in_a_table_is_not_taken_for_an_observation(tmp_path: 
     assert done.records == 12
 
 
+@pytest.mark.parametrize(
+    "times",
+    [
+        [0, 1, 2, 3, 4, 5, 4, 6, 7, 8],
+        [*range(9), *range(9)],
+        [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4],
+        [0, 1, "", 3, 4, 5, 6],
+    ],
+    ids=["once back", "starts again", "in whole seconds", "one missing"],
+)
+def test_a_time_that_is_not_steady_is_not_taken_for_an_observation(
+    tmp_path: Path, times: list[object]
+) -> None:
+    rows = [f"{time},{10 + k}" for k, time in enumerate(times)]
+    (tmp_path / "log.csv").write_text("\n".join(["Messung [s],u [V]", *rows, ""]), "utf-8")
+    with pytest.raises(RigctlError, match=r"is it the time.*--columns 'Messung=time \[s\]'"):
+        import_file(tmp_path / "log.csv", None, tmp_path / "runs")
+
+
+def test_durations_up_and_down_are_observations(tmp_path: Path) -> None:
+    rows = [f"{time},{10 + k}" for k, time in enumerate([3, 5, 2, 7, 6, 9, 4])]
+    (tmp_path / "log.csv").write_text("\n".join(["settling [s],u [V]", *rows, ""]), "utf-8")
+    assert import_file(tmp_path / "log.csv", None, tmp_path / "runs").records == 7
+
+
 def test_a_column_of_dates_is_the_time_whatever_its_name(tmp_path: Path, motor: Rig) -> None:
     rows = [f"2026-06-03 14:00:{k:02},6,{100 + k}" for k in range(12)]
     (tmp_path / "log.csv").write_text("\n".join(["gemessen,voltage [V],speed [rpm]", *rows]), "utf-8")

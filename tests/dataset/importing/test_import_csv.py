@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from open_range import without_ranges
 from rigctl.dataset import Run, Switch, list_runs, open_run, verify
-from rigctl.dataset.importing import Imported, import_file
+from rigctl.dataset.importing import Imported, Options, import_file
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.rig import Rig, load_rig
 
@@ -390,6 +390,46 @@ def test_readings_outside_the_range_of_their_channel_are_no_values(importer: Imp
     assert not any("are missing" in remark for remark in imported.notes)
     oil = open_run(imported.path).signals("oil_temperature")
     assert np.flatnonzero(np.isnan(oil)).tolist() == [*range(20, 40), 50]
+
+
+LEVELS = "time [s],oil_temperature [degC],pressure_setpoint [bar]\n"
+
+
+@pytest.mark.parametrize("written", ["600", "60000", "9.9", "-0.5"])
+def test_a_command_beyond_the_limits_of_its_actuator_is_refused(importer: Importer, written: str) -> None:
+    """An unknown command is not a missing reading: it decides what every reading means."""
+    rows = [f"{k},{40 + 0.1 * k},{written if k == 7 else 20 + 30 * (k % 2)}" for k in range(12)]
+    refusal = importer.refusal(LEVELS + "\n".join(rows) + "\n")
+    assert isinstance(refusal, SeveralErrors)
+    first, last = refusal.errors
+    assert (first.where.line, first.value) == (9, f"{float(written):g} bar")
+    assert str(first.what) == "relief_valve: beyond the limits of the actuator"
+    assert first.expected == "10 bar to 55 bar"
+    assert "--missing" in str(last.hint)
+    done = importer.bring_in(LEVELS + "\n".join(rows) + "\n", options=Options(missing=(written,)))
+    assert np.isnan(open_run(done.path).signals("relief_valve")).sum() == 1
+    assert importer.bring_in(LEVELS + "\n".join(rows) + "\n", keep_good=True).left_out == 1
+
+
+def test_a_mark_of_a_missing_value_is_no_command(importer: Importer) -> None:
+    rows = [f"{k},{40 + 0.1 * k},{-9999 if k == 7 else 20 + 30 * (k % 2)}" for k in range(12)]
+    done = importer.bring_in(LEVELS + "\n".join(rows) + "\n")
+    assert any("relief_valve: 1 value is -9999, a mark of a missing value" in note for note in done.notes)
+
+
+def test_a_command_beyond_its_limits_is_refused_in_a_table(importer: Importer) -> None:
+    refusal = importer.refusal("pressure_setpoint [bar],position [mm]\n40,80\n4000,80\n60,70\n")
+    assert "line 3" in str(refusal) or ":3" in str(refusal)
+    assert "beyond the limits of the actuator" in str(refusal)
+
+
+def test_a_mark_among_possible_commands_is_named(importer: Importer, tmp_path: Path) -> None:
+    text = importer.rig.text.replace("high: 55 bar", "high: 9e5 bar")
+    (tmp_path / "wide.yaml").write_text(text, encoding="utf-8")
+    wide = Importer(tmp_path, load_rig(tmp_path / "wide.yaml"))
+    rows = [f"{k},{40 + 0.1 * k},{9999 if k == 7 else 20 + 2500 * (k % 2)}" for k in range(12)]
+    done = wide.bring_in(LEVELS + "\n".join(rows) + "\n")
+    assert any("relief_valve: there is 9999; if that marks a missing value" in note for note in done.notes)
 
 
 def test_the_ends_of_a_range_are_possible_in_every_unit(importer: Importer) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 from rigctl.dataset.importing.columns import Assigned
 from rigctl.dataset.importing.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
 from rigctl.dataset.importing.missing_values import NO_NUMBER
-from rigctl.dataset.importing.table import KEPT_FAULTS, NOT_INCREASING, Fault, Part
+from rigctl.dataset.importing.table import BEYOND_LIMITS, KEPT_FAULTS, NOT_INCREASING, Fault, Part
+from rigctl.units import show
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -99,6 +100,8 @@ class Checker:
         if column.kind == "time":
             return to_si(column, written)
         values = to_si(column, without_marks(written, self._missing))
+        if column.kind == "command":  # unlike a missing reading, an unknown command is a fault of its row
+            return values
         outside = impossible(column, values)
         count = int(outside.sum())
         if not count:
@@ -130,6 +133,13 @@ class Checker:
                 expected = ", ".join(f"{value:g}" for value in sorted(column.positions))
                 texts = [f"{value:g}" for value in column_values[wrong].tolist()]
                 bad.add(wrong, f"{column.name}: no such position", texts, repeat(expected))
+            if column.kind == "command":
+                wrong = np.flatnonzero(impossible(column, column_values))
+                found = [
+                    beyond_limits(column, value) for value in column_values[wrong[:KEPT_FAULTS]].tolist()
+                ]
+                for what, _, expected in found[:1]:
+                    bad.add(wrong, what, [text for _, text, _ in found], repeat(expected))
 
     def _ids(self, part: Part, bad: _InvalidRows) -> NDArray[np.int64]:
         """Return the record of each row; one for all rows if the file has none."""
@@ -242,12 +252,30 @@ def without_marks(values: NDArray[np.float64], marks: NDArray[np.float64]) -> ND
 
 
 def impossible(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which of a column's values, SI, are outside the possible range of its channel."""
+    """Return which SI values are outside the range of the column's channel or the limits of its level."""
     if column.possible is None:
         return np.zeros(values.shape, dtype=bool)
     low, high = column.possible
-    slack = _ROUNDING * (high - low)  # of the file's unit
+    span = (
+        high - low
+        if np.isfinite(high - low)
+        else max(abs(end) for end in column.possible if np.isfinite(end))
+    )
+    slack = _ROUNDING * span  # of the file's unit
     return np.asarray(np.isfinite(values) & ((values < low - slack) | (values > high + slack)))
+
+
+def beyond_limits(column: Assigned, value: float) -> tuple[str, str, str]:
+    """Return what is wrong with a command, SI, which its actuator cannot have taken: the fault, the value and
+    what was expected, in the unit of the file.
+    """
+    unit = column.unit.text if column.unit is not None and column.unit.text else column.shown
+    low, high = column.possible or (-np.inf, np.inf)
+    ends = [show(end, unit, digits=6) for end in (low, high) if np.isfinite(end)]
+    expected = (
+        " to ".join(ends) if len(ends) == 2 else f"at {'least' if np.isfinite(low) else 'most'} {ends[0]}"
+    )
+    return f"{column.name}: {BEYOND_LIMITS}", show(value, unit, digits=6), expected
 
 
 def to_si(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.float64]:

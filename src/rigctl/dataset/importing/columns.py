@@ -26,6 +26,7 @@ from rigctl.units import Unit, describe, is_speed_of_rotation, parse_unit
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
+    from rigctl.rig.actuator import Actuator
 
 Kind = Literal["time", "record", "clock", "channel", "command", "other"]
 
@@ -61,7 +62,8 @@ class Assigned:
     shown: the unit in which it is stored.
     positions: the allowed values of a switch or a valve.
     difference: it is a temperature difference.
-    possible: the possible range of a channel, SI; None if not stated.
+    possible: the range of a channel, or the limits of a level, SI, infinite where there is none; None if
+        neither is stated.
     """
 
     name: str
@@ -312,7 +314,16 @@ def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
         unit = _unit(heading, actuator.display_unit)
         words = POSITIONS.get(actuator.kind)
         positions = frozenset(words.values()) if words else None
-        return Assigned(name, "command", index, heading, unit, actuator.display_unit, positions)
+        return Assigned(
+            name,
+            "command",
+            index,
+            heading,
+            unit,
+            actuator.display_unit,
+            positions,
+            possible=_limits(actuator),
+        )
     if name in _COMMON:
         kind, dimension = _COMMON[name]
         unit = _unit(heading, dimension)
@@ -329,6 +340,14 @@ def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
             where=heading.where,
         )
     return Assigned(name, "other", index, heading, parse_unit(heading.unit), heading.unit or "1")
+
+
+def _limits(actuator: Actuator) -> tuple[float, float] | None:
+    """Return the limits of a level, infinite where there is none; None without any."""
+    low, high = actuator.low, actuator.high
+    if low is None and high is None:
+        return None
+    return float("-inf") if low is None else low, float("inf") if high is None else high
 
 
 def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:

@@ -71,7 +71,8 @@ class Survey:
     records: in the order of the file; equal conditions have identical values.
     rows: number of valid rows.
     faults: of the first bad rows; `bad_rows` is the number of all.
-    spans, impossible: by channel; the number of readings outside the possible range, which are no values.
+    spans: by channel or command.
+    impossible: by channel, the number of readings outside the possible range, which are no values.
     standstills: by channel, the stretches in which it repeats one value although it has noise.
     """
 
@@ -93,7 +94,7 @@ def survey(
     keep_good: bool = True,
 ) -> Survey:
     """Read through a file; without `keep_good`, only until too many rows are bad."""
-    result = Survey(spans={name: Span() for name in layout.channels})
+    result = Survey(spans={name: Span() for name in (*layout.channels, *layout.commands)})
     detectors = {name: StandstillDetector() for name in layout.channels}
     open_record: _Gathered | None = None
     for part in parts:

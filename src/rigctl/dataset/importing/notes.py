@@ -30,7 +30,9 @@ def notes(result: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]
     yield from _absent(layout, rig, assumed)
     yield from impossible_notes(result, rig)
     for name, span in result.spans.items():
-        yield from _channel_notes(name, span, result.rows - result.impossible.get(name, 0), layout)
+        if name in layout.channels:
+            yield from _channel_notes(name, span, result.rows - result.impossible.get(name, 0), layout)
+        yield from _mark_notes(name, span, layout)
     labels = [describe_label(record.label) for record in result.records]
     for name, stretches in result.standstills.items():
         remark = standstill_remark(
@@ -123,12 +125,15 @@ def _channel_notes(name: str, span: Span, rows: int, layout: Layout) -> Iterator
     if missing:
         share = 100.0 * missing / rows
         yield f"{name}: {missing} of {rows} values are missing ({share:.2g} %); they stay missing"
+    if span.values >= _MANY and span.low == span.high:
+        value = show(span.low, layout.unit(name), difference=name in layout.differences)
+        yield f"{name}: the same value, {value}, in all {span.values} samples; is the sensor connected?"
+
+
+def _mark_notes(name: str, span: Span, layout: Layout) -> Iterator[str]:
     for si in (span.low, span.high):
         unit = parse_unit(layout.unit(name))
         shown = unit.from_si(si, difference=name in layout.differences)
         mark = next((mark for mark in MARKS if abs(shown - mark) <= 1e-6 * abs(mark)), None)
         if mark is not None and span.low != span.high:
             yield f"{name}: there is {mark:g}; if that marks a missing value, say so: --missing={mark:g}"
-    if span.values >= _MANY and span.low == span.high:
-        value = show(span.low, layout.unit(name), difference=name in layout.differences)
-        yield f"{name}: the same value, {value}, in all {span.values} samples; is the sensor connected?"

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rigctl.dataset.importing.checks import impossible, marks_of, to_si, without_marks
+from rigctl.dataset.importing.checks import beyond_limits, impossible, marks_of, to_si, without_marks
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.labels import read_label
 from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark
-from rigctl.dataset.importing.table import Fault, Part, Source
+from rigctl.dataset.importing.table import Fault, Part, Source, cut
 from rigctl.errors import Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 from rigctl.rig.layout import Layout
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 
 #: temperatures and pressures are conditions of an observation
 _CONDITIONS: Final = ("K", "Pa")
-#: rows from which a steady increase is no coincidence
+#: rows from which an increase is no coincidence
 _FEWEST: Final = 5
+#: share of increases among the changes from row to row; a clock may have been set back, or have started again
+_RISING: Final = 0.8
 
 
 @dataclass(frozen=True)
@@ -108,15 +110,14 @@ def take_observations(
         bad = {row for column in part.columns.values() for row in np.flatnonzero(np.isinf(column)).tolist()}
         faults = [Fault(int(part.lines[row]), "not a finite number", group=part.group) for row in sorted(bad)]
         good = np.array([row not in bad for row in range(len(part.lines))], dtype=bool)
-        labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
-        columns = {index: without_marks(column[good], marks) for index, column in part.columns.items()}
-        parts.append(Part(columns, part.lines[good], labels, group=part.group))
+        columns = {index: without_marks(column, marks) for index, column in part.columns.items()}
+        parts.append(cut(replace(part, columns=columns, faults=(), more_faults=0), good))
         sentinels.take(parts[-1])
-        result.rows += int(good.sum())
         result.faults += [*part.faults, *faults]
         more += part.more_faults
     found = sentinels.found() if keep_marks is False else {}
-    parts = [blanked(part, found) for part in parts]
+    parts = [_of_possible_commands(blanked(part, found), assigned, result) for part in parts]
+    result.rows = sum(len(part.lines) for part in parts)
     for column in assigned:
         _refuse_a_time(source, column, [part.columns[column.index] for part in parts if column.unit])
     result.impossible = _impossible(assigned, parts)
@@ -126,27 +127,45 @@ def take_observations(
     return Observations(source, assigned, parts, result, remarks)
 
 
+def _of_possible_commands(part: Part, assigned: Sequence[Assigned], result: Survey) -> Part:
+    """Return the rows whose commands their actuators can have taken; the others become faults."""
+    good = np.ones(len(part.lines), dtype=bool)
+    for column in assigned:
+        if column.kind != "command":
+            continue
+        values = to_si(column, part.columns[column.index])
+        for row in np.flatnonzero(impossible(column, values) & good).tolist():
+            fault = beyond_limits(column, float(values[row]))
+            result.faults.append(Fault(int(part.lines[row]), *fault, group=part.group))
+            good[row] = False
+    return cut(part, good)
+
+
 def _impossible(assigned: Sequence[Assigned], parts: Sequence[Part]) -> dict[str, int]:
     """Return the number of values outside the possible range, by channel; those without any are left out."""
     counts: Counter[str] = Counter()
     for column in assigned:
-        if column.possible is not None:
+        if column.possible is not None and column.kind != "command":
             values = [to_si(column, part.columns[column.index]) for part in parts]
             counts[column.name] += sum(int(impossible(column, one).sum()) for one in values)
     return {name: count for name, count in counts.items() if count}
 
 
 def _refuse_a_time(source: Source, column: Assigned, values: Sequence[NDArray[np.float64]]) -> None:
-    """Refuse a quantity in seconds that increases from row to row: its table may be one of samples."""
+    """Refuse a quantity in seconds that mostly increases from row to row: its table may be one of samples."""
     if column.unit is None or column.unit.dimension != parse_unit("s").dimension or column.kind != "other":
         return
     heading = source.headings[column.index]
     every = np.concatenate(values) if values else np.zeros(0)
-    if len(every) < _FEWEST or not np.all(np.diff(every) > 0.0) or heading.name != column.heading.name:
+    every = every[np.isfinite(every)]
+    changes = np.diff(every)
+    changes = changes[changes != 0.0]
+    if len(changes) < _FEWEST - 1 or np.mean(changes > 0.0) < _RISING or heading.name != column.heading.name:
         return
     name, unit = heading.name, column.unit.text
+    often = "increases" if (changes > 0.0).all() else "mostly increases"
     raise RigctlError(
-        f"{name}: it increases from row to row; is it the time of the rows, or a duration that was observed?",
+        f"{name}: it {often} from row to row; is it the time of the rows, or a duration that was observed?",
         value=f"{every[0]:g} {unit} to {every[-1]:g} {unit}",
         hint=f"Say which: --columns '{name}=time [{unit}]', or '{name}=duration [{unit}]'",
         where=heading.where.or_else(Location(source.path)),

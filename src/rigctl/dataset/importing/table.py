@@ -21,6 +21,8 @@ _LISTED: Final = 20
 NOT_INCREASING: Final = "time: it does not increase within a record"
 #: message on a value before the time of the previous value of its channel
 GOES_BACK: Final = "time: it goes back within a channel"
+#: of a command that its actuator cannot have taken
+BEYOND_LIMITS: Final = "beyond the limits of the actuator"
 #: columns of a table: more of them are cells that were not separated as the file meant, or no table at all
 MOST_COLUMNS: Final = 2000
 #: rows of a part: many for speed, but few enough for files of any length
@@ -194,6 +196,13 @@ def refuse(path: Path, faults: Sequence[Fault], count: int, *, imports: bool = T
         hint += "; '--times drop', 'spread' or 'split' deals with these times"
     elif any(fault.what == GOES_BACK for fault in faults):
         hint += "; '--times drop' leaves these values out, with a remark"
+    beyond = next((fault.what for fault in faults if fault.what.endswith(BEYOND_LIMITS)), None)
+    if beyond is not None:
+        name = beyond.partition(":")[0]
+        hint += (
+            f"; '--missing VALUE' says that a number is no command, --columns 'THEIRS={name} [UNIT]' that "
+            "it has another unit, and 'low' and 'high' in the rig file are the limits"
+        )
     more = count - len(listed)
     rest = f"{count} bad row{'' if count == 1 else 's'}" + (f", {more} of them not listed" if more else "")
     listed.append(
