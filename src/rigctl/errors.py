@@ -128,10 +128,35 @@ class SeveralErrors(RigctlError):
 
 
 def nearest_name(name: str, valid: Iterable[str]) -> str | None:
-    """The valid name closest to `name`; None if none is close."""
-    by_folded = {candidate.casefold(): candidate for candidate in valid}
-    matches = get_close_matches(name.casefold(), list(by_folded), n=1, cutoff=0.6)
-    return by_folded[matches[0]] if matches else None
+    """The valid name closest to `name`; None if none is close, or if it is `name` itself.
+
+    Close is a name that contains the other, or has at most a third of its characters changed.
+    """
+    by_folded = {candidate.casefold(): candidate for candidate in valid if candidate != name}
+    folded = name.casefold()
+    for match in get_close_matches(folded, list(by_folded), n=3, cutoff=0.6):
+        if (
+            folded in match
+            or match in folded
+            or 3 * _changes(folded, match) <= max(len(folded), len(match), 3)
+        ):
+            return by_folded[match]
+    return None
+
+
+def _changes(first: str, second: str) -> int:
+    """The fewest characters to insert, remove, replace or swap with the next to make one of the other."""
+    before: list[int] = []
+    row = list(range(len(second) + 1))
+    for i, one in enumerate(first, 1):
+        above, row = row, [i]
+        for j, other in enumerate(second, 1):
+            cost = min(above[j] + 1, row[j - 1] + 1, above[j - 1] + (one != other))
+            if before and j > 1 and one == second[j - 2] and first[i - 2] == other:
+                cost = min(cost, before[j - 2] + 1)
+            row.append(cost)
+        before = above
+    return row[-1]
 
 
 def unknown_name(kind: str, name: str, valid: Iterable[str], *, where: Location | None = None) -> RigctlError:

@@ -166,15 +166,20 @@ def _read_settings(marker: Path) -> dict[str, str]:
 
 
 def _nearest_file(wanted: Path, tried: Sequence[Path]) -> str | None:
-    """The path, as it would be written, of a file with a similar name in a folder that was tried."""
+    """The path, as it would be written, of a file with a similar name in a folder that was tried.
+
+    An extension that both have says nothing about how similar they are; hidden files are not meant.
+    """
     for place in tried:
         try:
-            names = [entry.name for entry in place.parent.iterdir()]
+            names = [entry.name for entry in place.parent.iterdir() if not entry.name.startswith(".")]
         except (OSError, ValueError):
             continue
-        near = nearest_name(wanted.name, names)
-        if near is not None:
-            return wanted.with_name(near).as_posix()
+        alike = {Path(name).stem: name for name in names if Path(name).suffix == wanted.suffix}
+        near = nearest_name(wanted.stem, alike)
+        found = alike[near] if near is not None else nearest_name(wanted.name, set(names) - {*alike.values()})
+        if found is not None:
+            return wanted.with_name(found).as_posix()
     return None
 
 

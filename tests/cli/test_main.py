@@ -61,8 +61,8 @@ def test_a_misspelt_command_is_reported_with_the_nearest_name() -> None:
     ("words", "exit_code", "message"),
     [
         (["check", "nowhere.yaml"], 2, "there is no such file, got 'nowhere.yaml'"),
-        (["check"], 2, "Missing argument"),
-        (["runs", "lst"], 2, "No such command 'lst'. Did you mean 'list'?"),
+        (["check"], 2, "FILE is missing"),
+        (["runs", "lst"], 2, "unknown command of 'rigctl runs', got 'lst'; did you mean 'list'?"),
         (["simulat"], 2, "unknown command, got 'simulat'; did you mean 'simulate'?"),
         (["pause"], 1, "no run is in progress"),
     ],

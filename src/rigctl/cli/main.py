@@ -21,11 +21,22 @@ from rigctl.cli.complete import complete_values
 from rigctl.cli.echo import echo
 from rigctl.cli.nonblocking_output import ON_A_BENCH, carry_out
 from rigctl.cli.overview import overview
+from rigctl.cli.usage_errors import name_parameters, one_style
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 
 
 class LazyGroup(TyperGroup):
     """A group of commands that imports a command only to carry it out, or to print its own help."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Parse the options before the command."""
+        with one_style():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Parse the command's own options, and carry it out."""
+        with one_style():
+            return super().invoke(ctx)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the table, which is the order of a user's work."""
@@ -64,6 +75,7 @@ def load_command(name: str) -> Any:
     for one in getattr(command, "commands", {}).values() or [command]:
         complete_values(one)
         one.callback = _with_local_paths(one.callback)
+        name_parameters(one)
     return command
 
 
@@ -154,10 +166,6 @@ def _carry_out() -> None:
             # the library of the command line ends silently, as if it were the output's
             text = "a connection was closed by its other end"
             _refuse(RigctlError(text, exit_code=ExitCode.FAILED), as_json=wanted)
-        # the call itself was wrong, as reported on stderr
-        say = getattr(end.__context__, "format_message", None)
-        if wanted and end.code == ExitCode.USAGE and say is not None:
-            _print_refusal(RigctlError(say()))
         raise
 
 

@@ -65,9 +65,9 @@ def chosen_id(ref: str, ids: Sequence[str], *, shown: str = "") -> str:
 
 
 def _nearest_id(ref: str, ids: Sequence[str]) -> str | None:
-    """The newest id that is nearest to `ref`: as a whole, by its start, or by its procedure."""
+    """The newest id that is nearest to `ref`: as a whole, by its start or procedure; or ``latest``."""
     meant = {one[: len(ref)]: one for one in ids} | {one.split("-", 2)[-1]: one for one in ids}
-    meant |= {one: one for one in ids}
+    meant |= {one: one for one in (*ids, LATEST)}
     near = nearest_name(ref, meant)
     return None if near is None else meant[near]
 

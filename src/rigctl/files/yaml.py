@@ -84,6 +84,8 @@ def read_document(path: Path) -> Document:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
+        if b"\0" in content:
+            raise RigctlError("this is not a text file", expected="a YAML file", where=where) from problem
         line = content.count(b"\n", 0, problem.start) + 1
         column = problem.start - content.rfind(b"\n", 0, problem.start)
         raise RigctlError(

@@ -30,11 +30,31 @@ OneModel = Annotated[
     Path,
     typer.Option("--model", "-m", metavar="M", help="Model file; M@3 is its version 3.", show_default=False),
 ]
+
+
+def _condition(written: str | None) -> str | None:
+    """Refuse what is no expression before anything is read; its names are those of the records."""
+    if written is not None and written.strip():
+        from rigctl.expressions import parse
+
+        parse(written)
+    return written
+
+
+def _assumptions(written: list[str] | None) -> list[str] | None:
+    """Refuse what is no assignment before anything is read."""
+    from rigctl.dataset.assumptions import read_assumptions
+
+    read_assumptions(written or ())
+    return written
+
+
 HoldOut = Annotated[
     str | None,
     typer.Option(
         "--hold-out",
         metavar="EXPR",
+        callback=_condition,
         help="Records to hold out of every fit, for evaluation only: 'oil == 60 degC', or by "
         "number, counted from 1: 'record > 20'.",
         show_default=False,
@@ -45,6 +65,7 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="EXPR",
+        callback=_condition,
         help="Records to analyse, e.g. 'heater_1 > 0 %'; the noise is estimated from all records.",
         show_default=False,
     ),
@@ -54,6 +75,7 @@ Assume = Annotated[
     typer.Option(
         "--assume",
         metavar="NAME=VALUE",
+        callback=_assumptions,
         help="Value of an input or actuator that the runs did not record, e.g. 'heater=0'; "
         "repeatable. Otherwise it is estimated for each record.",
         show_default=False,

@@ -62,10 +62,10 @@ def demo(
     if (directory / "rigctl.toml").exists():
         console.print(f"[bold]1[/] Using the project that is already in {escape(str(directory))}")
     else:
-        console.print(f"[bold]1[/] A project folder with the published bench: {escape(str(directory))}")
         from rigctl.cli.commands.init import create_project
 
         create_project(directory)
+        console.print(f"[bold]1[/] A project folder with the published bench: {escape(str(directory))}")
     if plain:
         document, page, size = _plain(directory, seed, console)
     else:

@@ -112,6 +112,8 @@ def design(
     pair = None if separate is None else read_pair(separate)
     if output is not None:
         require_output(output, replaces=is_designed, force=force)
+    if sheet is not None:
+        require_output(sheet, option="")
     require_page(page, force=force)
     (opened,) = open_models([model])
     measured = open_runs(runs, opened, assume)

@@ -143,6 +143,12 @@ def doctor(
     from rigctl.backends.transport.serial_ports import list_ports
     from rigctl.cli.commands.doctor_bench import ask_port, ask_rig, ports_document
 
+    if rig is not None:  # a file that cannot be read is a wrong call, not a fault of the bench
+        from rigctl.project import find_file
+        from rigctl.rig import load_rig
+
+        rig = find_file(rig)
+        load_rig(rig)
     ports = list_ports()
     findings = list(examine(ports))
     if rig is None:

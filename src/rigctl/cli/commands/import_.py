@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
 
 if TYPE_CHECKING:
@@ -155,6 +156,10 @@ def import_(
     from rigctl.project import find_file, find_project
     from rigctl.rig import load_rig
 
+    if output is not None and not dry_run:
+        raise RigctlError(
+            "--output is the figure of a dry run", value=str(output), expected="--dry-run with it"
+        )
     options = _options(
         heading=heading,
         columns=columns,
@@ -259,7 +264,6 @@ def _lead_on(rig: Path | None, run: Path) -> None:
 def _predicts(model: str, run: Path) -> bool:
     """Whether a model of the project predicts a column of an imported run."""
     from rigctl.dataset import open_run
-    from rigctl.errors import RigctlError
     from rigctl.model import load_model
     from rigctl.project import find_project
 

@@ -39,6 +39,8 @@ def resume(
     from rigctl.runner.launch import Launch
     from rigctl.runner.resume import open_interrupted, relaunch
 
+    if speed is not None:
+        clock_for(speed, "simulated")  # whether it is one at all, before the run is opened
     before = open_interrupted(find_run(run))
     header = before.history.header
     kind = header.backend.get("kind", before.plan.rig.backend.kind)

@@ -93,6 +93,8 @@ def validate(
     from rigctl.tasks import Workers
     from rigctl.validation.tables import page
 
+    if out.exists() and not out.is_dir():
+        raise RigctlError("a file is there", value=str(out), expected="the name of a folder")
     chosen = Workers(workers, cluster=cluster)
     figures, path = _carried_out(tier, out, first, chosen, resume=resume, reuse=reuse)
     command = f"rigctl validate --tier {tier.value}" + (f" --first {first}" if first is not None else "")

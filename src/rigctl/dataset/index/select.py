@@ -123,13 +123,17 @@ def select_page(
     return Page([dict(zip(_COLUMNS, row, strict=True)) for row in rows], matching, every)
 
 
+#: true or false for every run
+_NUMBER: Final = re.compile(r"[-+.\d\s]*")
+
+
 @contextmanager
 def _guarded(index: sqlite3.Connection, where: str | None, seconds: float | None = None) -> Iterator[None]:
     """Restrict the database to reading its own tables, in limited memory and time, and handle Ctrl-C."""
     if where is None:
         yield
         return
-    if where.count("(") != where.count(")") or ";" in where:
+    if where.count("(") != where.count(")") or ";" in where or _NUMBER.fullmatch(where):
         raise RigctlError("not one condition", value=where, expected="e.g. rig = 'bench' AND records > 20")
     index.set_authorizer(_authorise)
     end = math.inf if seconds is None else monotonic() + seconds
