@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from open_range import without_ranges
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import Options, import_file
 from rigctl.errors import RigctlError
+from rigctl.proposal.columns import read_columns
 from rigctl.rig import Rig
 
 BOARD = Path(__file__).parents[3] / "rigs" / "heater-board.yaml"
@@ -323,4 +325,32 @@ def test_a_sign_that_may_separate_thousands_is_put_to_the_user(
 def test_a_row_number_is_no_record(tmp_path: Path, board: Rig) -> None:
     text = lines("time [s];RECORD;temperature_1 [degC]", [f"{k};{1000 + k};{23 + k / 8}" for k in range(8)])
     with pytest.raises(RigctlError, match="--columns 'RECORD=-'"):
+        imported(tmp_path, board, text, "log.csv")
+
+
+@pytest.mark.parametrize("kind", ["csv", "xlsx"])
+def test_a_row_of_units_that_is_there_twice_is_no_heading(tmp_path: Path, board: Rig, kind: str) -> None:
+    heading = ["t,temperature_1,heater_1", "s,degC,%", "s,degC,%"]
+    file = tmp_path / f"log.{kind}"
+    text = lines(heading, rows("{k},{t},{u}"))
+    if kind == "csv":
+        file.write_text(text, "utf-8")
+    else:
+        table = [line.split(",") for line in text.splitlines()]
+        typed = [[float(cell) for cell in row] if at > 2 else row for at, row in enumerate(table)]
+        pd.DataFrame(typed).to_excel(file, header=False, index=False)
+    run = open_run(import_file(file, board, tmp_path / "runs").path)
+    assert run.signals("temperature_1") == pytest.approx(np.array(TEMPERATURES) + 273.15)
+    assert [column.name for column in read_columns(file, {}).columns] == ["temperature_1", "heater_1"]
+
+
+def test_names_that_are_units_too_are_names_above_other_units(tmp_path: Path, board: Rig) -> None:
+    text = lines("bench,seven,eight", "t,T,V", "s,degC,mV", rows("{k},{t},{u}"))
+    run, _ = imported(tmp_path, board, text, "log.csv", columns={"T": "temperature_1", "V": "-"})
+    assert run.signals("temperature_1")[0] == pytest.approx(TEMPERATURES[0] + 273.15)
+
+
+def test_two_rows_of_units_that_differ_are_refused(tmp_path: Path, board: Rig) -> None:
+    text = lines("t,temperature_1,heater_1", "s,degC,%", "s,K,%", rows("{k},{t},{u}"))
+    with pytest.raises(RigctlError, match=r"log.csv:3: two rows of units below the names"):
         imported(tmp_path, board, text, "log.csv")

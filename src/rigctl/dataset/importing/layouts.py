@@ -15,6 +15,8 @@ from typing import Final
 from rigctl.dataset.importing.headings import is_unit, unit_of
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import looks_numeric
+from rigctl.errors import Location, RigctlError
+from rigctl.units import Unit, parse_unit
 
 #: a date or a time of day, in any form, perhaps after the day of the week
 _MOMENT: Final = re.compile(r"([A-Za-z]{2,9}[ ,.]+)?[+-]?\d+([:/.-]\d|[- ./]?[A-Za-z]{3,9}[- ./]).*")
@@ -113,6 +115,8 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
     at = names[-1]
     if at - 1 in names and (found := unit_row(rows[at - 1].cells, rows[at])):
         units, at = found, at - 1
+        while at - 1 in names and _repeats_units(rows[at], rows[at + 1]):
+            at -= 1
     width = len(rows[first].cells)
     if len(rows[at].cells) < width:  # a last column without a name
         return None
@@ -123,6 +127,43 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
         cells = [lower if lower.strip() else upper for lower, upper in merged]
     unused = frozenset(number for number, cell in enumerate(cells) if cell.strip() == "#")
     return Layout(cells, rows[at].line, first, units, unused)
+
+
+def _repeats_units(upper: Row, lower: Row) -> bool:
+    """Return whether both rows have units of the same quantities, so that neither has the names.
+
+    Raises
+    ------
+    RigctlError
+        their units differ.
+    """
+    if len(upper.filled) < 2 or [bool(cell.strip()) for cell in upper.cells] != [
+        bool(cell.strip()) for cell in lower.cells
+    ]:
+        return False
+    pairs = [(_unit(one), _unit(other)) for one, other in zip(upper.filled, lower.filled, strict=True)]
+    if any(one is None or other is None or one.dimension != other.dimension for one, other in pairs):
+        return False
+    if any(one != other for one, other in pairs):
+        raise two_rows_of_units(lower.line, upper.filled, lower.filled)
+    return True
+
+
+def two_rows_of_units(line: int, upper: Sequence[str], lower: Sequence[str]) -> RigctlError:
+    """Make the error for two rows of units that differ, below the names of a table."""
+    return RigctlError(
+        "two rows of units below the names",
+        value=", ".join(lower),
+        expected=f"those of the row above, {', '.join(upper)}, or one row",
+        hint="Delete one of the two rows in a copy of the file",
+        where=Location(None, line),
+    )
+
+
+def _unit(cell: str) -> Unit | None:
+    match = _UNIT_ROW.fullmatch(cell)
+    text = unit_of(match["unit"]) if match and is_unit(match["unit"]) else None
+    return parse_unit(text) if text else None
 
 
 def _begins_values(rows: Sequence[Row], at: int) -> bool:

@@ -22,6 +22,7 @@ from rigctl.dataset.importing.groups import (
     open_groups,
 )
 from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
+from rigctl.dataset.importing.layouts import two_rows_of_units
 from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import (
@@ -109,6 +110,10 @@ def _read(sheet: Any, stated: int | None) -> _Sheet | None:
         if filled and all(isinstance(cell, str) for cell in filled):
             if heading is not None and number == heading[0] + 1 and _are_units(filled):
                 units = cells
+            elif heading is not None and number == heading[0] + 2 and units and _are_units(filled):
+                if tuple(cells) != tuple(units):
+                    raise two_rows_of_units(number, [str(cell) for cell in units if not _blank(cell)], filled)
+                heading = (heading[0] + 1, heading[1])  # and there may be a third
             else:
                 adjoins = heading is not None and number == heading[0] + 1
                 above = _named({**above, **_named(heading[1])}, without=cells) if adjoins and heading else {}
