@@ -1,12 +1,15 @@
-"""Devices that lie, are exchanged, fall silent or go stale, at every ending of a run, behind each protocol.
+"""Devices that lie, are exchanged, go silent or stale, or have a loose contact, at every ending of a run,
+behind each protocol.
 
 Each trial is a run in virtual time with rigctl's own clients; in place of the protocol libraries there is a
 device in memory, the witness of its outputs and of what was sent to a stranger in its place. After
-each run either all outputs are off, or the run has said that they may be on.
+each run either all outputs are off, or the run has said that they may be on; and every record that is
+complete has stored the outputs as they were.
 """
 
 from __future__ import annotations
 
+import math
 import random
 import shutil
 import signal
@@ -15,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,7 +32,7 @@ from rigctl.backends.registry import address_of
 from rigctl.backends.transport.client_port import Client
 from rigctl.backends.transport.port import PortLost
 from rigctl.backends.visa.client import VisaClient
-from rigctl.dataset import open_run
+from rigctl.dataset import Run, open_run
 from rigctl.files.shipped import shipped
 from rigctl.rig import Lines, Rig, load_rig, parse_rig
 from rigctl.runner.session import RunResult
@@ -38,7 +41,10 @@ from run_workshop import Workshop
 from tclab_board import Sketch
 
 KINDS = ("lines", "modbus", "visa", "opcua")
-FAULTS = ("none", "lie", "force", "mute", "gone", "exchanged", "exchanged unnoticed", "refuse", "stale")
+FAULTS = (
+    *("none", "lie", "force", "mute", "gone", "exchanged", "exchanged unnoticed", "refuse", "stale"),
+    "intermittent",  # every second or third temperature is impossible
+)
 #: the device starts again, with its outputs at other values, and is gone for a while or for good
 AWAY = "restart away"
 #: the same, but it is there again at once: it closes the connection, or nobody notices
@@ -46,6 +52,15 @@ RESTARTS = ("restart", "restart unnoticed", AWAY)
 ENDINGS = ("finish", "fail", "interlock", "SIGINT", "SIGTERM", "SIGHUP")
 _PATIENT = 1e6  # s: a fault that lasts
 _ANSWER_TAKES = 0.004  # s
+#: degC: the temperature, one beyond its limit, and one that no sensor can measure
+_COLD, _HOT, _IMPOSSIBLE = 20.0, 110.0, 300.0
+#: s from the limit exceeded to all outputs off, whatever share of the readings is impossible: twice the time
+#: for which it must be exceeded, and three samples
+_OFF_WITHIN = {"lines": 3.5, "modbus": 1.4, "visa": 1.4, "opcua": 1.7}
+#: s before a sample in which its outputs were read
+_READ_WITHIN = 0.6
+#: an output of a device in its own numbers, for 1 bar
+_PER_BAR = {"modbus": 100.0, "visa": 1.0 / 6.0}
 
 STEPS = """\
 steps:
@@ -84,6 +99,9 @@ class Device:
     fault: one of `FAULTS`; after one of `RESTARTS` it works as before, or is gone.
     power_on: the value of each output after a restart.
     restarted: s, when a restart has changed an output.
+    hot: whether the temperature is beyond its limit.
+    every: which reading of a loose contact is impossible: 2 is every second one.
+    history: s and the outputs from then on.
     stranger: the outputs of another device, which answers in its place while the fault is "exchanged".
     sent_to_stranger: what was written to that one.
     """
@@ -97,6 +115,34 @@ class Device:
     dropped: bool = False
     power_on: float = 0.0
     restarted: float | None = None
+    hot: bool = False
+    every: int = 2
+    readings: int = 0
+    history: list[tuple[float, dict[str, float]]] = field(default_factory=list)
+
+    def temperature(self) -> float:
+        """The next reading, degC."""
+        self.readings += 1
+        if self.fault == "intermittent" and self.readings % self.every == 0:
+            return _IMPOSSIBLE
+        return _HOT if self.hot else _COLD
+
+    def _note(self) -> None:
+        self.history.append((self.clock.now(), dict(self.outputs)))
+
+    def between(self, name: str, start: float, end: float) -> set[float]:
+        """The values that an output had from `start` to `end`, s."""
+        earlier = [outputs[name] for time, outputs in self.history if time <= start]
+        return {*(earlier[-1:] or [0.0]), *(one[name] for time, one in self.history if start < time <= end)}
+
+    def last_on(self) -> float:
+        """When an output was switched off last, s; infinite while one is on."""
+        offs = [
+            after[0]
+            for before, after in pairwise(self.history)
+            if any(before[1].values()) and not any(after[1].values())
+        ]
+        return math.inf if any(self.outputs.values()) else max(offs, default=0.0)
 
     @property
     def exchanged(self) -> bool:
@@ -107,6 +153,7 @@ class Device:
             after = dict.fromkeys(self.outputs, self.power_on)
             self.restarted = self.clock.now() if after != self.outputs else None
             self.outputs, self.dropped = after, fault == "restart"
+            self._note()
             if fault != AWAY:
                 return
             fault = "gone"
@@ -130,6 +177,7 @@ class Device:
             self.stranger[name] = value
         elif self.fault not in ("lie", "force", "refuse"):
             self.outputs[name] = value
+            self._note()
         return self.fault != "refuse"
 
 
@@ -183,7 +231,8 @@ def _modbus(rig: Rig, device: Device, patch: pytest.MonkeyPatch) -> Callable[[],
         return answer(3, registers=[words.get(address + offset, 0) for offset in range(count)])
 
     def inputs(address: int, count: int, **_: object) -> Any:
-        words = [*struct.unpack(">HH", struct.pack(">f", device.state("relief_valve") / 100.0)), 2000]
+        pressure = struct.unpack(">HH", struct.pack(">f", device.state("relief_valve") / 100.0))
+        words = [*pressure, round(100.0 * device.temperature())]
         return answer(4, registers=words[address : address + count])
 
     def coils(address: int, count: int, **_: object) -> Any:
@@ -249,10 +298,11 @@ class _Instrument:
     def _one(self, part: str) -> str | None:
         device, (command, _, argument) = self._device, part.partition(" ")
         heater, relief = device.state("heater"), device.state("relief_valve")
+        volts = (device.temperature() + 50.0) / 20.0 if command == "MEAS:VOLT:DC?" else 0.0
         answers = {
             "*IDN?": f"ACME,34980,{'OTHER' if device.exchanged else 'MY44001234'},2.1",
             "*OPC?": "1",
-            "MEAS:VOLT:DC?": f"{(relief * 6 + 12.5) / 12.5:.6f},3.5",
+            "MEAS:VOLT:DC?": f"{(relief * 6 + 12.5) / 12.5:.6f},{volts:.4f}",
             "ROUT:CLOS?": f"{heater:.0f}",
             "SOUR:VOLT?": f"{relief:.6f}",
         }
@@ -333,7 +383,7 @@ class _Session:
         values: dict[str, Any] = {
             "Plant": "another plant" if device.exchanged else "oil circuit 4711",
             "SupplyPressure": device.state("relief_valve"),
-            "OilTemperature": 2000.0,
+            "OilTemperature": 100.0 * device.temperature() if node.endswith("OilTemperature") else 0.0,
             "Heater": bool(device.state("heater")),
             "ReliefValve": device.state("relief_valve"),
             "i=2258": now,
@@ -367,6 +417,8 @@ class _Board(Sketch):
     def _answer(self, line: str) -> bytes:
         name, _, argument = line.partition(" ")
         device = self._device
+        if name == "T1":
+            return f"{device.temperature():.3f}\r\n".encode()
         if name == "VER" and device.exchanged:
             return b"TCLab Firmware 1.4.0 of the neighbour\r\n"
         if name in ("R1", "R2"):
@@ -448,6 +500,7 @@ class Tally:
 
     trials: dict[str, int] = field(default_factory=dict)
     unconfirmed: int = 0
+    complete: int = 0  #: records, each compared with the real outputs
     left_on_and_said: int = 0
     statuses: dict[str, int] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
@@ -456,7 +509,8 @@ class Tally:
         total = sum(self.trials.values())
         said = f"{self.left_on_and_said} left on and reported, {self.unconfirmed} reported as unconfirmed"
         verdict = f"REFUTED {len(self.failures)} times" if self.failures else f"not refuted ({total})"
-        return f"{verdict}: {self.trials}; {self.statuses}; {said}"
+        compared = f"{self.complete} complete records compared with the outputs"
+        return f"{verdict}: {self.trials}; {self.statuses}; {said}; {compared}"
 
 
 @contextmanager
@@ -493,26 +547,17 @@ def one(folder: Path, trial: Trial, tally: Tally) -> RunResult:
     clock, (rig, lines) = ScriptedClock(), _rig_of(trial.kind)
     names = [name for name in rig.safe_state if rig.actuators[name].by == "driven"]
     device = Device(clock, dict.fromkeys(names, 0.0))
-    device.power_on = random.Random(trial.seed).choice((0.0, 1.0))
+    rng = random.Random(trial.seed)
+    device.power_on, device.every = rng.choice((0.0, 1.0)), rng.choice((2, 3))
     if trial.fault != "none":
         clock.at(trial.begin, lambda: device.begin(trial.fault))
         if trial.end < _PATIENT and trial.fault not in RESTARTS[:2]:
             clock.at(trial.end, device.end)
     if trial.ending.startswith("SIG"):
         clock.at(trial.moment, lambda: signal.raise_signal(getattr(signal, trial.ending)))
+    if trial.ending == "interlock":
+        clock.at(trial.moment, lambda: setattr(device, "hot", True))
     with _bench(trial, device, rig, lines) as bench:
-        if trial.ending == "interlock":
-            first, channel = bench.next_sample, list(rig.layout.channels).index(next(iter(rig.channels)))
-
-            def hot(timeout: float) -> Any:
-                sample = first(timeout)
-                if sample is None or clock.now() < trial.moment:
-                    return sample
-                values = list(sample.values)
-                values[channel] = 500.0
-                return type(sample)(sample.time, tuple(values), sample.commands)
-
-            bench.next_sample = hot  # type: ignore[method-assign]
         result = Workshop(folder).run(_steps(trial, rig), rig=rig, backend=bench).result
         on = {name: value for name, value in device.outputs.items() if value}
         # nobody can notice a restart while the last answer, which says that all is off, is on its way
@@ -526,6 +571,13 @@ def one(folder: Path, trial: Trial, tally: Tally) -> RunResult:
         assert (result.exit_code, result.status != "finished") == (1, True), (
             "said, but not with the exit code"
         )
+    if trial.ending in ("interlock", "fail"):
+        assert result.status != "finished", "nothing ended it"
+    if trial.ending == "interlock" and trial.fault in ("none", "intermittent"):
+        late = device.last_on() - trial.moment
+        assert late <= _OFF_WITHIN[trial.kind], f"on for {late:.2f} s beyond the limit"
+    if result.folder is not None:
+        _compare(trial.kind, open_run(result.folder), device, tally)
     if device.restarted is not None and result.folder is not None:
         records = open_run(result.folder).records
         inside = (records["start"] < device.restarted) & (device.restarted < records["end"])
@@ -533,6 +585,20 @@ def one(folder: Path, trial: Trial, tally: Tally) -> RunResult:
     if trial.fault == "exchanged":
         assert not device.sent_to_stranger, f"sent to another device: {device.sent_to_stranger}"
     return result
+
+
+def _compare(kind: str, run: Run, device: Device, tally: Tally) -> None:
+    """Raise AssertionError unless the real outputs were as stored at each sample of every complete record."""
+    for number in run.records.index[run.records["outcome"] == "complete"]:
+        tally.complete += 1
+        samples = run.samples(record=int(number))
+        for name in device.outputs:
+            scale = _PER_BAR.get(kind, 1.0) if name == "relief_valve" else 1.0
+            for time, stored in zip(samples["time"], samples[name], strict=True):
+                were = device.between(name, time - _READ_WITHIN, time + _ANSWER_TAKES)
+                assert any(abs(scale * stored - value) <= 0.01 * max(1.0, value) for value in were), (
+                    f"record {number} is complete: {name} {stored:g} at {time:.2f} s, in truth {were}"
+                )
 
 
 def torture(
@@ -565,6 +631,7 @@ def main() -> None:
     asked.add_argument("--trials", type=int, default=2000, help="endings of each kind of backend")
     asked.add_argument("--cpu", type=float, default=900.0, help="s of CPU time after which no more are begun")
     asked.add_argument("--seed", default="0")
+    asked.add_argument("--restarts", action="store_true", help="restarts in place of the other faults")
     given = asked.parse_args()
 
     def numbers() -> Iterator[int]:
@@ -574,7 +641,7 @@ def main() -> None:
             yield number
 
     with tempfile.TemporaryDirectory() as folder:
-        tally = torture(Path(folder), given.seed, KINDS, numbers())
+        tally = torture(Path(folder), given.seed, KINDS, numbers(), RESTARTS if given.restarts else FAULTS)
     print(tally, *tally.failures, sep="\n")  # noqa: T201
     sys.exit(bool(tally.failures))
 

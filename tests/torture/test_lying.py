@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from torture.lying import KINDS, RESTARTS, Tally, Trial, one, torture
+from torture.lying import KINDS, RESTARTS, Device, Tally, Trial, one, torture
 
 
 def test_lying_and_exchanged_devices_are_found_out_at_random_endings(tmp_path: Path) -> None:
@@ -32,3 +32,22 @@ def test_a_restart_within_a_record_is_found_behind_every_protocol(
     tally = Tally()
     one(tmp_path, Trial("0", kind, "finish", fault, 2.3, 1e6, 7.0), tally)
     assert tally.statuses == {"failed": 1}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", ["0", "1", "3"])
+@pytest.mark.parametrize("ending", ["interlock", "fail"])
+def test_a_loose_contact_hides_no_limit_and_ends_no_wait_behind_every_protocol(
+    tmp_path: Path, kind: str, seed: str, ending: str
+) -> None:
+    tally = Tally()
+    result = one(tmp_path, Trial(seed, kind, ending, "intermittent", 1.5, 1e6, 3.0), tally)
+    assert result.status in ("aborted", "failed")
+
+
+def test_a_complete_record_with_other_outputs_than_stored_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Device, "between", lambda *_: {0.0})
+    with pytest.raises(AssertionError, match="record 0 is complete: heater"):
+        one(tmp_path, Trial("0", "modbus", "finish", "none", 1.5, 1e6, 7.0), Tally())
