@@ -7,6 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from rigctl.analysis.diagnosis import diagnose
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.dataset import open_run
+from rigctl.dataset.importing.bring_in import import_file
+from rigctl.model.load import load_model
+from rigctl.rig.load import load_rig
+
 FAMILY = """
 family: swing
 title: Mass on a spring
@@ -101,3 +108,9 @@ def project(
     readings = position + noise(np.random.default_rng(7))
     rows = np.column_stack([np.arange(SAMPLES) * PERIOD, force, readings])
     np.savetxt(folder / "log.csv", rows, "%.7g", ",", header="time [s],force [N],position [m]", comments="")
+
+
+def diagnosed(folder: Path) -> Diagnosis:
+    """Import the log of a user's folder, and diagnose it with the model there."""
+    imported = import_file(folder / "log.csv", load_rig(folder / "rigs/swing.yaml"), folder / "runs")
+    return diagnose([open_run(imported.path)], load_model(folder / "models/swing.yaml"))

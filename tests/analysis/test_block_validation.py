@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from rigctl.analysis import improve as improving
 from rigctl.analysis.block_validation import BlockValidation, leave_blocks_out
-from rigctl.analysis.comparison import compare
-from rigctl.analysis.comparison_result import Comparison
-from rigctl.analysis.diagnosis import diagnose_comparison
+from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import ImprovementEnd, refusal
-from rigctl.dataset import open_run
-from rigctl.dataset.importing.bring_in import import_file
-from rigctl.model.load import load_model
 from rigctl.noise.noise_model import ChannelNoise
-from rigctl.rig.load import load_rig
-from swing import project, white
 
 
-def compared(folder: Path, stated: str = "") -> Comparison:
-    project(folder, white, cubic=0.6, stated=stated)
-    imported = import_file(folder / "log.csv", load_rig(folder / "rigs/swing.yaml"), folder / "runs")
-    return compare([open_run(imported.path)], [load_model(folder / "models/swing.yaml")])
-
-
-def test_the_right_effect_predicts_the_second_half_from_the_first(tmp_path: Path) -> None:
-    both = compared(tmp_path)
-    found = diagnose_comparison(both.models[0], both.runs, both.held_out, both.notes)
+def test_the_right_effect_predicts_the_second_half_from_the_first(cubic_swing: Diagnosis) -> None:
+    found = cubic_swing
     blocks = leave_blocks_out(found.before.fit, found.best.fit, ahead=True)
     assert blocks is not None and blocks.ahead is not None
     assert len(blocks.before) == 3
@@ -42,11 +26,10 @@ def test_the_right_effect_predicts_the_second_half_from_the_first(tmp_path: Path
 
 @pytest.mark.parametrize("own", [True, False], ids=["only its floor known", "noise known"])
 def test_a_single_record_is_tested_outside_the_fit_whatever_is_known_of_its_noise(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: bool
+    cubic_swing: Diagnosis, monkeypatch: pytest.MonkeyPatch, own: bool
 ) -> None:
     """No condition of it can be left out, and effects were added that made other records worse."""
-    both = compared(tmp_path)
-    found = diagnose_comparison(both.models[0], both.runs, both.held_out, both.notes)
+    found = cubic_swing
     effects = found.best.effects
     monkeypatch.setattr(ChannelNoise, "own_scale", own)
     assert refusal(found, found.best, effects) is None

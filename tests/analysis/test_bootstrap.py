@@ -56,7 +56,7 @@ def independent(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
 def test_for_independent_noise_the_intervals_match_the_standard_deviations_of_the_fit(
     independent: FitResult,
 ) -> None:
-    found = bootstrap(independent, 60, workers=Workers(1))
+    found = bootstrap(independent, 30, workers=Workers(1))
     assert (found.by, found.failed) == ("condition", 0)
     assert all(0.6 < ratio < 1.6 for ratio in ratios(found))
     for one in found.parameters:
@@ -65,12 +65,12 @@ def test_for_independent_noise_the_intervals_match_the_standard_deviations_of_th
 
 
 def test_errors_shared_by_the_readings_of_a_condition_widen_the_intervals(tmp_path: Path) -> None:
-    found = bootstrap(fitted(tmp_path, 0.02, 0.005), 30, workers=Workers(1))
+    found = bootstrap(fitted(tmp_path, 0.02, 0.005), 15, workers=Workers(1))
     assert all(ratio > 2.0 for ratio in ratios(found))
 
 
 def test_the_intervals_do_not_depend_on_the_number_of_workers(independent: FitResult) -> None:
-    assert bootstrap(independent, 8, workers=Workers(1)) == bootstrap(independent, 8, workers=Workers(2))
+    assert bootstrap(independent, 4, workers=Workers(1)) == bootstrap(independent, 4, workers=Workers(2))
 
 
 def test_a_bootstrap_needs_more_than_one_record_and_a_fitted_parameter(independent: FitResult) -> None:
@@ -91,8 +91,8 @@ def test_a_diagnosis_reports_bootstrap_intervals_on_request(
     create_project(tmp_path)
     told("import", "data/hl32-viscosity.csv")
     ask = ("diagnose", "latest", "--model", "models/hl32-oil.yaml")
-    found = answer(*ask, "--bootstrap", "20", "--workers", "1")["bootstrap"]
-    assert (found["repetitions"], found["by"], found["level"]) == (20, "condition", 0.95)
+    found = answer(*ask, "--bootstrap", "10", "--workers", "1")["bootstrap"]
+    assert (found["repetitions"], found["by"], found["level"]) == (10, "condition", 0.95)
     assert set(found["parameters"]) == {"vogel_a", "vogel_b", "vogel_c"}
     assert "--bootstrap and --apply do not go together" in refusal(*ask, "--bootstrap", "20", "--apply")
 

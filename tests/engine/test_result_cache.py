@@ -301,6 +301,17 @@ def test_the_least_recently_used_result_is_evicted(tmp_path: Path) -> None:
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 60_000
 
 
+def test_the_folder_is_not_listed_again_for_each_small_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With thousands of results that took a twentieth of a diagnosis."""
+    looked: list[Store] = []
+    monkeypatch.setattr(Store, "_tidy", lambda store: looked.insert(0, store))
+    for number in range(9):
+        Store(tmp_path).write(f"r{number}", [], [np.zeros(10)])
+    assert looked == [Store(tmp_path)]
+
+
 def test_oversized_results_are_not_cached(tmp_path: Path) -> None:
     store = Store(tmp_path, room_of_one=1000)
     store.write("large", [], [np.zeros(1000)])

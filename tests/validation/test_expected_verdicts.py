@@ -1,7 +1,9 @@
 """Campaigns of the separate bench, each diagnosed and compared with its expected verdict.
 
 ``expected_verdicts.json`` has one trial per line: the hidden effects (name, size in sigmas, direction;
-amplitudes in SI), the noise, and the verdict with the classes of effects that it leaves undecided. Some of
+amplitudes in SI), the noise, and the verdict with the classes of effects that it leaves undecided. Five
+strokes are the fewest with this verdict, except where a line asks for the eight of a ``larger`` campaign,
+which show a weak effect and that a third temperature is outside of what the library explains. Some of
 the effects are easily overlooked: the gain of a sensor that the opening of the throttle almost absorbs, the
 slip of a pump for which the relief valve compensates until it closes, and a spring and the backlash of a
 sensor that together look like a delay. `rigctl validate` runs and counts many more trials.
@@ -37,14 +39,15 @@ class Expected:
 
 
 def listed(line: dict[str, Any]) -> Expected:
+    larger = line.get("larger", False)
     scenario = Scenario(
         line["kind"],
         tuple(Wanted(*hidden) for hidden in line["hidden"]),
         noise=line["noise"],
         chamber_pressures=line["chamber_pressures"],
-        repeated=2,
+        repeated=2 if larger else 1,
         seed=line["seed"],
-        temperatures=(20.0, 50.0, 80.0),
+        temperatures=(20.0, 50.0, 80.0) if larger else (20.0, 80.0),
         pressures=(20.0, 50.0),
     )
     classes = frozenset(frozenset(group) for group in line["classes"])

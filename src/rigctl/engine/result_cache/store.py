@@ -32,6 +32,11 @@ OFF = "off"
 ROOM, ROOM_OF_ONE = 512 * 2**20, 64 * 2**20
 #: share of the total size that is freed when old results are deleted
 _SLACK = 0.1
+#: share of the total size that a process writes before it looks again for what to delete: to list thousands of
+#: files after each result took a twentieth of a diagnosis
+_UNCOUNTED = 0.02
+#: bytes that this process has written since it last looked, by folder
+_written: dict[Path, int] = {}
 #: version of the file format; another version has another name
 _LAYOUT = 1
 _MEMBERS = ("tree", "numbers", "counts", "marks")
@@ -90,7 +95,11 @@ class Store:
         except OSError as problem:  # a full or read-only disk, or on Windows a file that is being read
             logger.info("a result could not be kept in %s: %s", self.folder, problem)
             return
-        self._tidy()
+        written = _written.get(self.folder, self.room) + len(content)  # at first it looks at once
+        if written > _UNCOUNTED * self.room:
+            self._tidy()
+            written = 0
+        _written[self.folder] = written
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.npz"
