@@ -23,6 +23,9 @@ from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 from rigctl.model.load import load_model
 from rigctl.report.analysis import discovery_sections
 
+#: the designs are small, and the fits of a diagnosis are those of the search before it
+pytestmark = pytest.mark.usefixtures("shared_results", "small_search")
+
 
 def imported(folder: Path, hidden: Any, **how: Any) -> Path:
     log = write_bench(folder, hidden, **how)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from contextlib import chdir
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,11 +24,19 @@ RIVALS = {
 }
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The folder in which the plain demo was called, and its answer."""
+    folder = tmp_path_factory.mktemp("plain")
+    with chdir(folder):
+        return folder, answer("demo", "first", "--plain")
+
+
 def test_the_plain_demo_ends_with_a_page_of_the_published_campaign(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plain: tuple[Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = answer("demo", "first", "--plain")
+    folder, done = plain
+    monkeypatch.chdir(folder)
     page = Path(done["page"]).read_text(encoding="utf-8")
     assert page.count("<html") == 1
     assert len(page) < 6e6
@@ -77,10 +87,11 @@ def test_the_demo_tells_the_published_story(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_demo_again_makes_another_run_and_overwrites_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plain: tuple[Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    first, second = (answer("demo", "d", "--plain", "--seed", "5") for _ in range(2))
+    folder, first = plain
+    monkeypatch.chdir(folder)
+    second = answer("demo", "first", "--plain")
     assert first["run"] != second["run"]
-    samples = [Path("d/runs", done["run"], "samples.parquet").read_bytes() for done in (first, second)]
+    samples = [Path("first/runs", done["run"], "samples.parquet").read_bytes() for done in (first, second)]
     assert samples[0] == samples[1], "one seed gives one set of samples, byte for byte"
