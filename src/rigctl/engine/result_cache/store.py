@@ -32,8 +32,8 @@ OFF = "off"
 ROOM, ROOM_OF_ONE = 512 * 2**20, 64 * 2**20
 #: share of the total size that is freed when old results are deleted
 _SLACK = 0.1
-#: share of the total size that a process writes before it looks again for what to delete: to list thousands of
-#: files after each result took a twentieth of a diagnosis
+#: share of the total size that a process writes before it looks again for what to delete: listing thousands
+#: of files after each result took a twentieth of a diagnosis
 _UNCOUNTED = 0.02
 #: bytes that this process has written since it last looked, by folder
 _written: dict[Path, int] = {}
