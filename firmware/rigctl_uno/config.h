@@ -3,7 +3,7 @@
 #ifndef CONFIG_H
 #define CONFIG_H
 
-#define FIRMWARE_VERSION "1.1.0"
+#define FIRMWARE_VERSION "1.1.1"
 
 #ifndef F_CPU
 #define F_CPU 16000000UL
@@ -29,7 +29,7 @@
 #define SENSORS 0x07 /* bit 0 pressure, 1 position, 2 oil temperature: monitored for a broken wire */
 #endif
 #ifndef TRIP_READINGS
-#define TRIP_READINGS 8 /* readings in a row, 0.3 ms apart, so that one disturbed reading does not trip */
+#define TRIP_READINGS 8 /* faulty readings, 0.3 ms apart, that trip; a good one cancels a third of one */
 #endif
 
 #ifndef HOST_TIMEOUT_MS

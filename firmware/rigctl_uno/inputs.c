@@ -5,6 +5,12 @@
 
 #include "board.h"
 
+/* Each fault has a counter that a faulty reading raises by WEIGHT and a good one lowers by 1, so that good readings in
+ * between, as a loose contact gives them, do not hide it: it trips from a share of 1 / (WEIGHT + 1) on, in the end, and
+ * after TRIP_READINGS faulty ones in a row. */
+enum { WEIGHT = 3, TRIPS = WEIGHT * TRIP_READINGS, LASTS = TRIPS / 3 };
+_Static_assert(TRIPS + WEIGHT <= 255, "TRIP_READINGS: at most 84");
+
 enum { PRESSURE, POSITION, TEMPERATURE, CHANNELS };
 
 static volatile uint16_t reading[CHANNELS];
@@ -16,17 +22,17 @@ static bool too_high(uint8_t channel, uint16_t counts) {
            (channel == TEMPERATURE && counts >= TEMPERATURE_TRIP);
 }
 
-static void count_to(uint8_t *counter, bool faulty) {
-    if (!faulty)
-        *counter = 0;
-    else if (*counter < TRIP_READINGS)
-        ++*counter;
+static void count(uint8_t *counter, bool faulty) {
+    if (faulty)
+        *counter = *counter + WEIGHT < TRIPS ? *counter + WEIGHT : TRIPS;
+    else if (*counter)
+        --*counter;
 }
 
-static uint8_t cause_of(uint8_t channel) {
-    if (open[channel] >= TRIP_READINGS) /* the reading of a broken wire is not a pressure */
+static uint8_t cause_of(uint8_t channel, uint8_t from) {
+    if (open[channel] >= from)
         return TRIP_SENSOR;
-    if (over[channel] >= TRIP_READINGS)
+    if (over[channel] >= from)
         return channel == PRESSURE ? TRIP_PRESSURE : TRIP_TEMPERATURE;
     return 0;
 }
@@ -35,9 +41,11 @@ ISR(ADC_vect) {
     static uint8_t channel;
     uint16_t counts = ADC;
     reading[channel] = counts;
-    count_to(&over[channel], too_high(channel, counts));
-    count_to(&open[channel], (SENSORS & _BV(channel)) && (counts < OPEN_LOW || counts > OPEN_HIGH));
-    uint8_t cause = cause_of(channel);
+    bool broken = (SENSORS & _BV(channel)) && (counts < OPEN_LOW || counts > OPEN_HIGH);
+    count(&open[channel], broken);
+    if (!broken) /* the reading of a broken wire is not a pressure, neither a high nor a low one */
+        count(&over[channel], too_high(channel, counts));
+    uint8_t cause = cause_of(channel, TRIPS);
     if (cause && !(trips() & cause))
         trip(cause);
     if (++channel == CHANNELS) {
@@ -67,6 +75,6 @@ uint16_t input(uint8_t channel) {
 uint8_t inputs_faulty(void) {
     uint8_t causes = 0;
     for (uint8_t channel = 0; channel < CHANNELS; channel++)
-        causes |= cause_of(channel);
+        causes |= cause_of(channel, LASTS);
     return causes;
 }

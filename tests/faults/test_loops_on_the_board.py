@@ -266,7 +266,7 @@ def old_firmware(line: bytes, _: float) -> list[bytes]:
     """The line of a board with firmware that has no control loop yet."""
     if b"RIG-UNO,0,1.1" not in line:
         return [line]
-    body = line.rpartition(b"*")[0].replace(b",1.1.0", b",1.0.1")
+    body = line.rpartition(b"*")[0].replace(b",1.1.1", b",1.0.1")
     return [b"%s*%04X\n" % (body, crc_hqx(body, 0))]
 
 

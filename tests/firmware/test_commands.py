@@ -29,7 +29,7 @@ def test_a_header_is_written_short_or_long_in_any_case(chip: Chip, short: str, l
 
 
 def test_identity_and_configuration_report_the_compiled_in_settings(chip: Chip) -> None:
-    assert chip.ask("*IDN?") == "RIGCTL,RIG-UNO,0,1.1.0"
+    assert chip.ask("*IDN?") == "RIGCTL,RIG-UNO,0,1.1.1"
     settings = dict(part.split("=") for part in chip.ask("SYST:CONF?").split(","))
     assert (settings["baud"], settings["host_ms"], settings["pressure_trip"]) == ("115200", "1500", "675")
 
@@ -100,7 +100,7 @@ def test_a_checked_command_has_a_checked_answer(chip: Chip) -> None:
     body = b"#9 *IDN?"
     answer = chip.ask(f"{body.decode()}*{crc_hqx(body, 0):04X}")
     text, _, checksum = answer.rpartition("*")
-    assert text == "#9 RIGCTL,RIG-UNO,0,1.1.0"
+    assert text == "#9 RIGCTL,RIG-UNO,0,1.1.1"
     assert int(checksum, 16) == crc_hqx(text.encode(), 0)
 
 

@@ -36,7 +36,7 @@ def test_any_client_can_talk_to_the_emulated_board_until_it_is_ended(
             assert process.stdout.readline() == f"{link} at 115200 baud; Ctrl-C ends it\n"
             with serial.Serial(str(link), 115200, timeout=60) as port:
                 port.write(b"*IDN?\n")
-                assert port.readline() == b"RIGCTL,RIG-UNO,0,1.1.0\n"
+                assert port.readline() == b"RIGCTL,RIG-UNO,0,1.1.1\n"
             process.send_signal(end)
             assert process.wait(600) == 0
         finally:

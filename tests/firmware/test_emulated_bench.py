@@ -55,7 +55,7 @@ def kinds(notices: list[Notice]) -> list[str]:
 def test_the_identity_has_kind_firmware_and_configuration(make_bench: Make) -> None:
     identity = make_bench().identity
     assert identity["kind"] == "emulated"
-    assert identity["firmware"] == "RIG-UNO 1.1.0"
+    assert identity["firmware"] == "RIG-UNO 1.1.1"
     assert "pressure_trip=675" in identity["board"]
 
 

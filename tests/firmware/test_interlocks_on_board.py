@@ -14,6 +14,9 @@ from firmware_build import FIRMWARE, needs_compiler
 if TYPE_CHECKING:
     from board_chip import Chip
 
+#: s for one reading of each channel: 13 cycles of the converter's clock, an eighth of a megahertz, each
+CYCLE = 3 * 13 / 125e3
+
 
 @pytest.mark.parametrize(
     ("counts", "cause", "bit"),
@@ -57,6 +60,46 @@ def test_one_disturbed_reading_does_not_trip(chip: Chip) -> None:
     chip.run(0.0005)
     chip.put(200, 500, 300)
     chip.run(0.05)
+    assert chip.ask("SYST:TRIP?") == '0,""'
+
+
+@pytest.mark.parametrize("every", [2, 3])
+@pytest.mark.parametrize(
+    ("faulty", "between", "bit"),
+    [
+        ((200, 500, 0), (200, 500, 300), 16),
+        ((200, 500, 0), (200, 500, 660), 1),
+        ((1023, 500, 300), (680, 500, 300), 2),
+        ((680, 500, 300), (200, 500, 300), 2),
+    ],
+    ids=["loose", "loose and hot", "loose and over-pressure", "over-pressure"],
+)
+def test_good_readings_in_between_do_not_hide_a_fault(
+    chip: Chip, faulty: tuple[int, ...], between: tuple[int, ...], bit: int, every: int
+) -> None:
+    """A loose contact: of each two or three readings of a channel, one is a faulty one."""
+    chip.send("OUTP:HEAT ON")
+    began, number = chip.time, 0
+    while chip.pins["heater"] and chip.time - began < 0.1:
+        chip.put(*(faulty if number % every == 0 else between))
+        chip.run(CYCLE)
+        number += 1
+    assert chip.time - began < 0.05
+    assert int(chip.ask("SYST:TRIP?").partition(",")[0]) & bit
+    for number in range(120):  # it lasts
+        chip.put(*(faulty if number % every == 0 else between))
+        chip.run(CYCLE)
+    chip.tell("#1 SYST:TRIP:CLE")
+    for number in range(60):
+        chip.put(*(faulty if number % every == 0 else between))
+        chip.run(CYCLE)
+    assert b"-221" in chip.avr.take()
+
+
+def test_rare_disturbed_readings_do_not_trip(chip: Chip) -> None:
+    for number in range(600):
+        chip.put(*((1000, 500, 1010) if number % 8 == 0 else (200, 500, 300)))
+        chip.run(CYCLE)
     assert chip.ask("SYST:TRIP?") == '0,""'
 
 

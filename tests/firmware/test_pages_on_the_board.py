@@ -46,7 +46,7 @@ def test_the_pyvisa_script_does_what_the_page_shows(emulation: Emulation, tmp_pa
     told = shown[shown.index("$ python read_the_bench.py ttyRIG") + 1 :]
     assert _without_digits(done.stdout.splitlines()) == _without_digits(told)
     assert "open for 250.0 ms" in done.stdout
-    assert done.stdout.startswith("RIGCTL,RIG-UNO,0,1.1.0\n")
+    assert done.stdout.startswith("RIGCTL,RIG-UNO,0,1.1.1\n")
 
 
 def _without_digits(lines: list[str]) -> list[str]:

@@ -43,7 +43,7 @@ def wait_for(condition: Callable[[], bool], bench: ArduinoBench) -> None:
 
 def test_samples_and_exact_pulses_in_real_time(uno_rig: Rig, emulation: Emulation) -> None:
     with opened(uno_rig, emulation.name) as bench:
-        assert bench.identity["firmware"] == "RIG-UNO 1.1.0"
+        assert bench.identity["firmware"] == "RIG-UNO 1.1.1"
         bench.start(100.0)
         receipt = bench.command("valve", 1.0, duration=0.3).wait()
         samples = [bench.next_sample(60.0) for _ in range(60)]

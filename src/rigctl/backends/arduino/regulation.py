@@ -197,7 +197,7 @@ def unfit(translation: Translation, loop: LoopSettings) -> str:
 
 
 def _version(firmware: str) -> tuple[int, ...]:
-    """Return the version numbers in ``RIG-UNO 1.1.0``."""
+    """Return the version numbers in ``RIG-UNO 1.1.1``."""
     numbers = firmware.rpartition(" ")[2].split(".")
     return tuple(int(number) for number in numbers if number.isdigit())
 
