@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections.abc import Sequence
@@ -41,19 +42,33 @@ def analysis(verb: str, runs: Sequence[str], model: str, choice: DataOptions | N
 def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
     """A command with these arguments, and the options about the data."""
     chosen = choice or DataOptions()
-    words = ["rigctl", *map(_quoted, arguments)]
+    words = ["rigctl", *map(shell_word, arguments)]
     for option, value in (("--only", chosen.only), ("--hold-out", chosen.hold_out)):
         if value:
-            words += [option, f'"{value}"' if not _ACTIVE & set(value) else shlex.quote(value)]
+            words += [option, quoted(value)]
     for text in chosen.assume:
-        words += ["--assume", _quoted(text)]
+        words += ["--assume", shell_word(text)]
     if chosen.family:
-        words += ["--family", _quoted(chosen.family)]
+        words += ["--family", shell_word(chosen.family)]
     return " ".join(words)
 
 
-def _quoted(text: str) -> str:
-    """An argument quoted for any shell, or for POSIX shells if it contains characters that shells expand."""
-    if _PLAIN.fullmatch(text):
-        return text
-    return f'"{text}"' if not _ACTIVE & set(text) else shlex.quote(text)
+def then(*commands: str, windows: bool = os.name == "nt") -> str:
+    """Commands in sequence, each only if the previous one succeeded; Windows PowerShell has no ``&&``."""
+    return ("; " if windows else " && ").join(one for one in commands if one)
+
+
+def shell_word(text: str) -> str:
+    """An argument as it is typed, in quotes where a shell would change it."""
+    return text if _PLAIN.fullmatch(text) else quoted(text)
+
+
+def quoted(text: str, *, windows: bool = os.name == "nt") -> str:
+    """Text in quotes for any shell, or for this system's alone if it has characters that shells expand.
+
+    PowerShell takes what is in single quotes as it is, and two of them for one.
+    """
+    if not _ACTIVE & set(text):
+        return f'"{text}"'
+    doubled = text.replace("'", "''")
+    return f"'{doubled}'" if windows else shlex.quote(text)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +54,41 @@ def offered(folder: Path, line: str) -> set[str]:
 )
 def test_values_are_completed(bench: Path, line: str, expected: set[str]) -> None:
     assert offered(bench, line) == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["effects", "show", "piston_leakage", ":", "cond"], {"conductance="}),
+        (["effects", "show", "piston_leakage", ":"], {"conductance="}),
+        (
+            ["simulate", "procedures/campaign.yaml", "--with", "=", "piston_leakage", ":", "cond"],
+            {"conductance="},
+        ),
+        (["report", "la"], {"latest"}),
+    ],
+)
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is asked")
+def test_bash_completes_words_that_it_splits(
+    bench: Path, tmp_path: Path, words: list[str], expected: set[str]
+) -> None:
+    """Bash splits words at ':' and '=', and replaces only what follows the last of them."""
+    ask = [sys.executable, "-P", "-c", SCRIPT]
+    script = subprocess.run(
+        ask,
+        env={**os.environ, "_RIGCTL_COMPLETE": "source_bash"},
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout
+    assert "complete -o default -F" in script
+    program = tmp_path / "rigctl"
+    program.write_text(f'#!/bin/sh\nexec {shlex.join(ask)} "$@"\n', "utf-8")
+    program.chmod(0o755)
+    line = f"COMP_WORDS=({shlex.join(['rigctl', *words])}); COMP_CWORD={len(words)}"
+    call = f'{script}\n{line}\n_rigctl_completion {program}\nprintf "%s\\n" "${{COMPREPLY[@]}}"'
+    done = subprocess.run(["bash", "-c", call], cwd=bench, capture_output=True, text=True, check=False)
+    assert {one for one in done.stdout.split("\n") if one} == expected, done.stderr
 
 
 def test_runs_are_completed(bench: Path) -> None:

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import shlex
+
 from rigctl.cli.next_command import page_of
-from rigctl.command_line import DataOptions, analysis
+from rigctl.command_line import DataOptions, analysis, quoted, then
 
 
 def test_the_next_command_keeps_the_selection_of_records() -> None:
     told = analysis("diagnose", ["latest"], "my models/a.yaml", DataOptions("oil > 30 degC", "record > 3"))
     chosen = '--only "oil > 30 degC" --hold-out "record > 3"'
     assert told == f'rigctl diagnose latest --model "my models/a.yaml" {chosen}'
+
+
+def test_commands_in_sequence_and_quotes_work_in_the_shell_of_each_system() -> None:
+    assert then("cd a", "rigctl serve", windows=False) == "cd a && rigctl serve"
+    assert then("", "rigctl serve", windows=False) == "rigctl serve"
+    assert then("cd a", "rigctl serve", windows=True) == "cd a; rigctl serve"
+    assert quoted("it's $5", windows=True) == "'it''s $5'"
+    assert quoted("oil > 30 degC", windows=True) == '"oil > 30 degC"'
+    assert shlex.split(quoted("it's $5", windows=False)) == ["it's $5"]
 
 
 def test_the_next_command_names_the_family_of_the_user() -> None:

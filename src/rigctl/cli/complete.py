@@ -6,7 +6,9 @@ What cannot be read is not offered: a shell that completes a line has no place f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import os
+import re
+from collections.abc import Callable, Iterable, MutableMapping
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +27,40 @@ def complete_values(command: Any) -> None:
             param._custom_shell_complete = _completing(source)  # noqa: SLF001 - the library sets it by a class only
 
 
+def join_words(environment: MutableMapping[str, str]) -> None:
+    """Join what bash has split before it asks: ``piston_leakage:cond`` are three words to it.
+
+    Only the last of them is then replaced by what is offered, see `_kept_by_shell`.
+    """
+    written = environment["COMP_WORDS"]
+    words = written.split("\n" if "\n" in written else " ")
+    at = int(environment["COMP_CWORD"])
+    joined: list[str] = []
+    place = at
+    glued = False
+    for k, word in enumerate(words):
+        broken = re.fullmatch("[:=]+", word) is not None
+        if joined and (broken or glued):
+            joined[-1] += word
+        else:
+            joined.append(word)
+        glued = broken
+        if k == at:
+            place = len(joined) - 1
+    environment |= {"COMP_WORDS": "\n".join(joined), "COMP_CWORD": str(place)}
+
+
+def _kept_by_shell(begun: str) -> int:
+    """How many characters of a word bash keeps: up to its last ``:`` or ``=``; other shells keep none."""
+    asking = os.environ.get("_RIGCTL_COMPLETE", "")
+    return max(begun.rfind(":"), begun.rfind("=")) + 1 if asking == "complete_bash" else 0
+
+
 def _completing(source: _Source) -> Callable[[Any, Any, str], list[str]]:
     def complete(context: Any, _: Any, begun: str) -> list[str]:
         try:
-            return sorted({name for name in source(context.params) if name.startswith(begun)})
+            found = sorted({name for name in source(context.params) if name.startswith(begun)})
+            return [name[_kept_by_shell(begun) :] for name in found]
         except Exception:  # noqa: BLE001 - whatever is wrong with a file, a shell has no place to say it
             return []
 

@@ -57,6 +57,10 @@ def _show_or_carry_out() -> None:
     from rigctl.cli.main import main as carry_out
 
     load_late()
+    if os.environ.get("_RIGCTL_COMPLETE") == "complete_bash":
+        from rigctl.cli.complete import join_words
+
+        join_words(os.environ)
     atexit.register(_skip_last_collection)
     carry_out()
 

@@ -16,8 +16,11 @@ def show_next(command: str, why: str) -> None:
     console().print(f"\nNext: [bold]{escape(command)}[/]\n  {escape(why)}", soft_wrap=True)
 
 
-def enter_environment() -> str:
-    """``source .venv/bin/activate && `` where the shell would not find this rigctl, else ""."""
+def enter_environment() -> tuple[str, ...]:
+    """The line ``source .venv/bin/activate`` where the shell would not find this rigctl, else none.
+
+    It is a line of its own, as Windows PowerShell has no ``&&``.
+    """
     import os
     import shutil
     import sys
@@ -26,11 +29,11 @@ def enter_environment() -> str:
     scripts = Path(sys.prefix) / ("Scripts" if os.name == "nt" else "bin")
     found = shutil.which("rigctl")
     if sys.prefix == sys.base_prefix or (found and Path(found).parent.absolute() == scripts.absolute()):
-        return ""
+        return ()
     script = scripts / "activate"
     if Path.cwd() in script.parents:
         script = script.relative_to(Path.cwd())
-    return f"{script} && " if os.name == "nt" else f"source {quote(str(script))} && "
+    return (str(script) if os.name == "nt" else f"source {quote(str(script))}",)
 
 
 def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None, *own: str) -> str:

@@ -85,8 +85,3 @@ def _effect_words(model: Model, state: State, effect: str) -> str:
     names = {one.name: qualified(effect, one.name) for one in model.effect(effect).parameters}
     settings = [f"{short}={setting_text(model, name, state.values[name])}" for short, name in names.items()]
     return f"{effect}:{','.join(settings)}" if settings else effect
-
-
-def also(*commands: str) -> str:
-    """Commands in sequence, each only if the previous one succeeded."""
-    return " && ".join(one for one in commands if one)

@@ -184,16 +184,18 @@ def _asking(directory: Path, model: Path, published: Comparison) -> Iterator[Cal
         *("diagnose", published.runs[0], "--model", str(model.relative_to(directory)), "--json"),
     )
     with subprocess.Popen(  # noqa: S603 - our own program
-        command, cwd=directory, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        command, cwd=directory, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
 
         def answer() -> dict[str, Any]:
             with progress_display() as on_progress:
                 on_progress("Diagnosing the published strokes")
-                printed, _ = process.communicate()
+                printed, complaint = process.communicate()
             if process.returncode:
+                *_, why = complaint.decode("utf-8", "replace").strip().splitlines() or [""]
                 raise RigctlError(
-                    "the published strokes were not diagnosed", hint=f"'{' '.join(command[3:])}'"
+                    f"the published strokes were not diagnosed: {why.removeprefix('rigctl: ')}".rstrip(": "),
+                    hint=f"'{' '.join(command[3:])}'",
                 )
             return dict(json.loads(printed))
 
@@ -217,12 +219,11 @@ def _mend(path: Path, run: Run, console: Console) -> tuple[Comparison, Improveme
 
 def _show_question(question: Mapping[str, Any], console: Console) -> None:
     """What the published strokes leave open, and which record would decide."""
-    rivals = question["classes"][0]
     console.print("[bold]5[/] What single strokes leave open")
-    console.print(
-        f"  the eight published ones cannot tell which of {len(rivals)} effects it is: {', '.join(rivals)}",
-        soft_wrap=True,
-    )
+    rivals = question["classes"][0] if question["classes"] else []
+    open_question = f"the eight published ones cannot tell which of {len(rivals)} effects it is: "
+    told = open_question + ", ".join(rivals) if rivals else question["statement"]
+    console.print(f"  {told}", markup=False, soft_wrap=True)
     for step in question["next_steps"][:2]:
         console.print(f"  what decides: {step}", markup=False, soft_wrap=True)
 
@@ -336,6 +337,8 @@ def _show_next(console: Console, directory: Path, page: Path) -> None:
     from rich.markup import escape
 
     from rigctl.cli.next_command import enter_environment
+    from rigctl.command_line import shell_word
 
     console.print(f"\nNext: open {escape(str(page))} in a browser, then")
-    console.print(f"  {enter_environment()}cd {escape(str(directory))} && rigctl serve", soft_wrap=True)
+    for line in (*enter_environment(), f"cd {shell_word(str(directory))}", "rigctl serve"):
+        console.print(f"  {escape(line)}", soft_wrap=True)

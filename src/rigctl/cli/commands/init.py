@@ -134,12 +134,14 @@ def init(
 
     Example: rigctl init --minimal
     """
+    from rigctl.command_line import shell_word, then
+
     written = create_project(directory, minimal=minimal)
     if as_json:
         echo_json(json.dumps({"project": str(directory.resolve()), "files": [str(p) for p in written]}))
         return
     for path in written:
         echo(f"  {path}")
-    inside = "" if directory == Path() else f"cd {directory} && "
+    inside = "" if directory == Path() else f"cd {shell_word(str(directory))}"
     command = "family new my_bench --csv FILE" if minimal else "check procedures/quick-check.yaml"
-    echo(f"\nNext: {inside}rigctl {command}")
+    echo(f"\nNext: {then(inside, f'rigctl {command}')}")

@@ -27,8 +27,8 @@ ServeOption = Annotated[
 def shown(*, wanted: bool) -> Iterator[None]:
     """Serve the project while a command works; at a terminal also afterwards, until Ctrl-C.
 
-    If it cannot be served, because it already is or packages are missing, that is reported and the command
-    works all the same.
+    If it cannot be served, because it already is or no port is free, that is reported and the command works
+    all the same.
     """
     server = _begin() if wanted else None
     if server is None:

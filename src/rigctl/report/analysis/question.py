@@ -23,7 +23,8 @@ def question_section(before: ModelComparison, diagnosis: Mapping[str, Any]) -> S
     body = render(
         "question.html",
         direction=wrong[0] if wrong else before.statement,
-        rivals=diagnosis["classes"][0],
+        rivals=diagnosis["classes"][0] if diagnosis["classes"] else [],
+        statement=diagnosis["statement"],
         count=len(before.rows),
         plot=plot_slot(plot),
         caption=plot.caption,
