@@ -17,7 +17,8 @@ from rigctl.backends.simulated.bench import SimulatedBench
 from rigctl.backends.simulated.roles_plant import STROKE_TIME
 from rigctl.clock import ScaledClock, VirtualClock
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.rig import Rig
+from rigctl.files.shipped import shipped
+from rigctl.rig import Rig, load_rig
 
 MakeBench = Callable[..., SimulatedBench]
 POSITION, VALVE = 2, 1  # positions of these columns in the shipped rig's samples
@@ -58,6 +59,22 @@ def test_a_short_wait_neither_returns_nor_loses_a_sample(make_bench: MakeBench) 
     assert bench.next_sample(0.4) is None
     assert bench.clock.now() == 0.4
     assert [sample.time for sample in take(bench, 2)] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(("plant", "idle"), [("roles", True), ("models/heater-board.yaml", False)])
+def test_an_actuator_that_drives_nothing_says_so_once_when_it_leaves_its_safe_value(
+    plant: str, *, idle: bool
+) -> None:
+    rig = load_rig(shipped("rigs", "heater-board.yaml"))
+    chosen = plant if plant == "roles" else str(shipped(*plant.split("/")))
+    bench = create_backend(rig, "simulated", VirtualClock(), {"plant": chosen, "noise": False})
+    bench.open()
+    bench.start(1.0)
+    for level in (0.0, 0.2, 0.4):
+        bench.command("heater_1", level).wait()
+        take(bench, 2)
+    told = [one.message for one in bench.take_notices()]
+    assert told == ["'heater_1' drives nothing in this simulation: no channel will answer to it"] * idle
 
 
 def test_a_bench_that_was_not_started_gives_no_sample(make_bench: MakeBench) -> None:

@@ -92,6 +92,16 @@ def test_a_wrong_board_is_reported(board: Served, tmp_path: Path) -> None:
     assert "got 'ACME toaster 3'; expected TCLab Firmware {firmware}" in answer["error"]["message"]
 
 
+def test_monitor_quotes_a_reply_that_does_not_match(board: Served, tmp_path: Path) -> None:
+    """Only "missing" was shown, and the pattern in the rig file had to be found wrong by other means."""
+    board.sketch.always["T1"] = b"ACME 21\r\n"
+    patient_project(tmp_path)
+    words = ("monitor", "--rig", "rigs/tclab-board.yaml", "--port", board.url, "--count", "2")
+    shown, told = own_process.begin(tmp_path, *words).communicate(timeout=600)
+    assert "temperature_1 missing" in shown
+    assert told.count("the device answers 'ACME 21' to 'T1'; expected") == 1
+
+
 def test_off_works_without_a_run(board: Served, tmp_path: Path) -> None:
     board.sketch.model._Q1 = 60
     patient_project(tmp_path)

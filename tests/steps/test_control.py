@@ -172,6 +172,30 @@ def test_the_loop_starts_without_a_bump_and_respects_the_rate_limit(press: Calla
     assert values[-1] == pytest.approx(30.0, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("fields", "before", "cancelled"),
+    [
+        ("to: 30 bar, gain: 1, integral: 5 1/s", 0, True),
+        ("to: 30 bar, gain: 1, integral: 5 1/s, start: zero", 0, False),
+        ("to: 30 bar, gain: 1, integral: 5 1/s, ramp: 10 bar/s", 0, False),
+        ("to: 1 bar, gain: 1, integral: 5 1/s", 0, False),
+        ("to: 30 bar, gain: 1", 0, False),
+        ("to: 30 bar, gain: 1, integral: 5 1/s", 20, False),  # an operating point is kept
+    ],
+)
+def test_a_bumpless_start_that_cancels_a_large_step_says_so(
+    press: Callable[..., RunLog], fields: str, before: int, *, cancelled: bool
+) -> None:
+    done = press(
+        f"{fields}, for: 1 s", f"  - set: {{relief_valve: {before} bar}}\n  - wait: 3 s\n" * (before > 0)
+    )
+    told = [one for one in done.messages("note") if "bumpless" in one]
+    assert len(told) == cancelled
+    if cancelled:
+        assert told[0].startswith("start: bumpless cancels a step of 30 bar of 'relief_valve'")
+        assert told[0].endswith("'start: zero' takes it")
+
+
 def heat(tmp_path: Path, fields: str, before: str = "", **options: object) -> RunLog:
     text = f"{before}  - control: {{actuator: heater_1, channel: temperature_1, rate: 1 Hz, {fields}}}\n"
     return VirtualBench(tmp_path, HEATERS).run(f"steps:\n{text}", options=options)

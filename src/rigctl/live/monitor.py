@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _RATE = 4.0  # redrawings per second of wall time
+_NOTICES = 3  # the newest messages of the bench that are shown
 
 
 class MonitorDisplay:
@@ -30,6 +32,7 @@ class MonitorDisplay:
         self._readings = Readings(rig)
         self._time = 0.0
         self._alarms: dict[str, Alarm] = {}
+        self._notices: deque[str] = deque(maxlen=_NOTICES)
         console = Console(file=stream, highlight=False)
         self._unicode = console.encoding.lower().startswith("utf")
         self._live = Live(
@@ -45,8 +48,9 @@ class MonitorDisplay:
     ) -> None:
         self._live.stop()
 
-    def __call__(self, sample: Sample, alarms: Sequence[Alarm]) -> None:
-        """Take a sample, and the alarms that it raised or cleared."""
+    def __call__(self, sample: Sample, alarms: Sequence[Alarm], notices: Sequence[str] = ()) -> None:
+        """Take a sample, the alarms that it raised or cleared, and the messages of the bench."""
+        self._notices.extend(notices)
         changed = {alarm.name: alarm for alarm in alarms}
         latched = {**self._alarms, **changed}
         self._alarms = {name: alarm for name, alarm in latched.items() if alarm.active}
@@ -64,5 +68,8 @@ class MonitorDisplay:
         from rich.text import Text
 
         alarms = [Text(printable(alarm.message), style="red") for alarm in self._alarms.values()]
+        notices = [Text(printable(text), style="yellow") for text in self._notices]
         heading = Text(f"{printable(self._rig.name)}  {stamp(self._time)}  Ctrl-C ends", style="dim")
-        return Group(heading, Text(""), readings_table(self._readings, unicode=self._unicode), *alarms)
+        return Group(
+            heading, Text(""), readings_table(self._readings, unicode=self._unicode), *alarms, *notices
+        )

@@ -32,10 +32,12 @@ OnEvent = Callable[[float, str, Mapping[str, Any]], None]
 
 @dataclass(frozen=True)
 class Reading:
-    """One sample of a bench that is only monitored, and the alarms that it raised or cleared."""
+    """One sample of a bench that is only monitored, the alarms that it raised or cleared, and the messages of
+    the bench since the last one, such as a reply that the rig file does not expect."""
 
     sample: Sample
     alarms: Sequence[Alarm]
+    notices: Sequence[str] = ()
 
 
 def jog(
@@ -103,7 +105,10 @@ def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
             if sample is not None:
                 newest = sample.time
                 row = (sample.time, -1.0, *sample.values, *sample.commands)
-                yield Reading(sample, interlocks.check(row))
+                notices = tuple(
+                    one.message for one in backend.take_notices() if one.kind in ("fault", "note")
+                )
+                yield Reading(sample, interlocks.check(row), notices)
                 continue
             silence = interlocks.check_silence(clock.now(), newest, 1.0 / rate)
             if silence is not None:

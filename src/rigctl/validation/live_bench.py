@@ -74,6 +74,10 @@ class SeparatePlant:
         elif actuator == self._heater:
             self._bench.heat(value * self._power)
 
+    def drives(self, actuator: str) -> bool:
+        """Whether it is the valve, the relief valve or the heater."""
+        return actuator in (self._valve, self._relief, self._heater)
+
     def read(self) -> Sequence[float]:
         """The readings of its sensors, SI: each sample's noise is drawn once."""
         shown = self._bench.read()

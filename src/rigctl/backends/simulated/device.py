@@ -39,6 +39,7 @@ class Device:
         settings = flaws.generator(Purpose.SETTINGS)
         self._outputs = Outputs(rig, plant, initial_commands, settings, flaws.scatter)
         self._schedule = Schedule()
+        self._idle: set[str] = set()  # actuators that drive nothing, as was reported
         self._pulse_ends: dict[str, int] = {}
         self.time = 0.0
         self.receipts: list[CommandReceipt] = []
@@ -98,10 +99,23 @@ class Device:
         pending = self._pulse_ends.pop(actuator, None)
         if pending is not None:
             self._schedule.drop(pending)
+        self._note_idle(actuator, value)
         self._outputs.switch(actuator, value)
         if duration is not None:
             end = partial(self._end_pulse, actuator)
             self._pulse_ends[actuator] = self._schedule.add(time + duration, end, commanded=True)
+
+    def _note_idle(self, actuator: str, value: float) -> None:
+        """Report once that an actuator that leaves its safe value has no effect on any channel."""
+        if (
+            actuator in self._idle
+            or value == self._rig.safe_state.get(actuator)
+            or self._plant.drives(actuator)
+        ):
+            return
+        self._idle.add(actuator)
+        text = f"'{actuator}' drives nothing in this simulation: no channel will answer to it"
+        self.notices.append(Notice(self.time, "note", text, {"warning": "drives_nothing"}))
 
     def _end_pulse(self, actuator: str, time: float) -> None:
         del self._pulse_ends[actuator]

@@ -60,6 +60,10 @@ class ModelPlant:
         for name, level in self._inputs.switched(actuator, self._commands).items():
             self._stepper.switch_input(name, level)
 
+    def drives(self, actuator: str) -> bool:
+        """Return whether an input of the model comes from the actuator."""
+        return bool(self._inputs.switched(actuator, self._commands))
+
     def read(self) -> Sequence[float]:
         """Return the true SI values."""
         outputs = self._stepper.outputs().tolist()

@@ -25,6 +25,10 @@ class Plant(Protocol):
         """Set an actuator to an SI value at the plant's current time."""
         ...
 
+    def drives(self, actuator: str) -> bool:
+        """Return whether any channel depends on an actuator; the others are switched without an effect."""
+        ...
+
     def read(self) -> Sequence[float]:
         """Return the true SI values at the plant's current time, without noise."""
         ...

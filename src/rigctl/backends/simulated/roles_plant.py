@@ -41,6 +41,9 @@ class RolesPlant:
         self._time = 0.0
         self._laws: list[tuple[int, Callable[[float, float], float]]] = []
         roles = rig.roles
+        self._driving = {
+            role.actuator for role in (roles.heat, roles.set_pressure, roles.extend) if role is not None
+        }
         if roles.heat is not None:
             self._add(roles.heat.channel, partial(self._temperature, roles.heat.actuator, ambient))
         if roles.set_pressure is not None:
@@ -62,6 +65,10 @@ class RolesPlant:
     def switch(self, actuator: str, value: float) -> None:
         """Set an actuator to an SI value."""
         self._inputs[actuator] = value
+
+    def drives(self, actuator: str) -> bool:
+        """Return whether a role names the actuator."""
+        return actuator in self._driving
 
     def take_departures(self) -> Sequence[str]:
         """Return no messages, since there are no effects."""

@@ -170,10 +170,16 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
 
     if not as_json and redrawable(sys.stdout):
         with MonitorDisplay(rig, sys.stdout) as display:
-            yield lambda reading: display(reading.sample, reading.alarms)
+            yield lambda reading: display(reading.sample, reading.alarms, reading.notices)
         return
     line = _as_json if as_json else _as_line
-    yield lambda reading: echo(line(rig, reading))
+
+    def show(reading: Reading) -> None:
+        for notice in reading.notices:
+            echo(notice, err=True)
+        echo(line(rig, reading))
+
+    yield show
 
 
 def say_guards() -> None:

@@ -19,6 +19,7 @@ from rigctl.steps.control.pid import Bounds, Gains, Pid
 from rigctl.steps.control.timing import Timing
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling
+from rigctl.units import show
 
 #: fraction of the loop's period by which an update may be early, since times on the sampling grid are rounded
 EARLY = 0.01
@@ -26,6 +27,9 @@ EARLY = 0.01
 _UNDEFINED, _UNDEFINED_PERIODS = 1.0, 10.0
 #: the measures of a loop that are stored, and their units
 KEPT = {"jitter_p50": "ms", "jitter_p99": "ms", "jitter_max": "ms", "latency_p99": "ms", "saturated": "%"}
+
+#: a step at the start, as a fraction of the output's range, from which its cancellation is reported
+_LARGE = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +198,27 @@ class Watch:
     def _formula(self) -> str:
         return self._action.feed_forward.expression.text if self._action.feed_forward is not None else ""
 
+    def note_cancelled(self, error: float, ahead: float, output: float) -> None:
+        """Report a bumpless start that cancels a large step.
+
+        The integral then takes up what gain and feed-forward would add to the `output` at once, and the
+        output only moves as fast as it integrates.
+        """
+        action = self._action
+        gains, bounds = action.gains, action.bounds
+        asked = gains.proportional * error
+        step = asked + ahead - output
+        large = abs(step) > _LARGE * (bounds.high - bounds.low)
+        # an output that is already beyond what they ask for holds an operating point, which is worth keeping
+        if not (action.bumpless and gains.integral and large and step * asked > 0.0):
+            return
+        unit = self._bench.rig.actuators[action.actuator].display_unit
+        self._bench.event(
+            "note",
+            f"start: bumpless cancels a step of {show(step, unit, difference=True)} of '{action.actuator}', "
+            "which the gain and the feed-forward ask for at the start; 'start: zero' takes it",
+        )
+
     def settled(self, time: float, setpoint: float, value: float) -> bool:
         """Return whether the reading has settled.
 
@@ -232,6 +257,7 @@ class _Loop:
     def __init__(self, action: Control, bench: Bench, watch: Watch, output: float) -> None:
         self._action, self._bench, self._watch = action, bench, watch
         self._pid = Pid(action.gains, action.bounds, output, bumpless=action.bumpless)
+        self._told = False
 
     def update(self, row: Row, value: float, timing: Timing) -> bool:
         """Update the output; return True once the reading has settled.
@@ -244,6 +270,9 @@ class _Loop:
         time = row[0]
         setpoint = self._watch.setpoint(time, value)
         ahead = self._watch.ahead(row, setpoint)
+        if ahead is not None and not self._told:
+            self._told = True
+            self._watch.note_cancelled(setpoint - value, ahead, self._pid.output)
         if ahead is None:  # until there is a value, the output remains as it was before the loop
             timing.missed += 1
             return False

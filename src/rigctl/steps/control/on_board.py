@@ -127,6 +127,9 @@ class ControlOnBoard(Control):
                 if ahead is None:
                     pass  # the loop is started with the first value of its feed-forward
                 elif not bench.loop_state(ahead).running:  # not started yet, or contact was lost
+                    if not begun:
+                        before = bench.commanded.get(self.actuator, bench.safe_value(self.actuator))
+                        watch.note_cancelled(setpoint - value, ahead, before)
                     yield from bench.regulate(self.settings(ahead))
                     if bench.loop_state().running:
                         end = end if begun else bench.now + self.longest
