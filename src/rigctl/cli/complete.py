@@ -47,7 +47,7 @@ def join_words(environment: MutableMapping[str, str]) -> None:
         glued = broken
         if k == at:
             place = len(joined) - 1
-    environment |= {"COMP_WORDS": "\n".join(joined), "COMP_CWORD": str(place)}
+    environment.update(COMP_WORDS="\n".join(joined), COMP_CWORD=str(place))
 
 
 def _kept_by_shell(begun: str) -> int:
