@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -78,3 +79,34 @@ def test_an_output_that_nothing_confirms_is_reported_if_it_was_driven(
     stand = Stand("lines", Workshop(tmp_path / "again"), monkeypatch)
     done = stand.run(steps.replace("HEATER", "heater_1"), rig)
     assert (done.result.exit_code, done.result.unconfirmed) == (0, None), "it was never on"
+
+
+def test_an_output_that_is_on_in_the_safe_state_and_that_nothing_confirms_is_warned_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fan that the run never drives, or only to its safe value."""
+    stand = Stand("lines", Workshop(tmp_path), monkeypatch)
+    rig = stand.rig(
+        ('heater_2: {send: "Q2 {value:.2f}", reply: "{value}"}', 'heater_2: {send: "Q2 {value:.2f}"}'),
+        ('      - {send: R2, reply: "{heater_2}", every: 1 s}\n', ""),
+        ("safe_state: {heater_1: 0 %, heater_2: 0 %}", "safe_state: {heater_1: 0 %, heater_2: 30 %}"),
+    )
+
+    def silent() -> None:
+        assert stand.port is not None
+        stand.port.sketch.always |= {"Q2 30.00": b"", "Q2 0.00": b""}
+
+    stand.clock.at(0.0, silent)
+    done = stand.run("steps:\n  - set: {heater_2: 30 %}\n  - wait: 2 s\n", rig)
+    assert (done.result.exit_code, done.result.unconfirmed) == (0, None)
+    (warning,) = done.result.warnings
+    assert "nothing confirms that heater_2 30 %" in warning.message
+    assert warning.message in done.messages("note")
+    assert any(
+        "to a value that is not safe ends as failed" in text for text in rig.warnings(date(2026, 10, 1))
+    )
+    stand = Stand("lines", Workshop(tmp_path / "driven"), monkeypatch)
+    stand.clock.at(0.0, silent)
+    done = stand.run("steps:\n  - set: {heater_2: 0 %}\n  - wait: 2 s\n", rig)
+    assert (done.result.exit_code, done.result.unconfirmed) == (1, "heater_2 0 %")
+    assert done.result.warnings == ()

@@ -391,7 +391,7 @@ def _read_back(rig: Rig) -> Iterator[str]:
     if silent := [name for name in unread if name not in answered]:
         yield (
             f"the device neither reports {', '.join(silent)} nor answers their commands: every run that "
-            "drives them ends as failed, with outputs not confirmed safe"
+            "drives them to a value that is not safe ends as failed, with outputs not confirmed safe"
         )
 
 

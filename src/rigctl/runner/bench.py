@@ -444,6 +444,20 @@ class Bench:
         known = self.backend.outputs_read | self.backend.outputs_answered
         return self._shown({name: value for name, value in self._driven.items() if name not in known})
 
+    @property
+    def safe_on_trust(self) -> str | None:
+        """The outputs that are on in the safe state, that nothing can confirm, and that this run has driven to
+        no other value.
+        """
+        known = self.backend.outputs_read | self.backend.outputs_answered
+        return self._shown(
+            {
+                name: value
+                for name, value in self.rig.safe_state.items()
+                if self.rig.actuators[name].by == "driven" and value and name not in {*known, *self._driven}
+            }
+        )
+
     def _shown(self, outputs: Mapping[str, float]) -> str | None:
         shown = (f"{name} {self.rig.actuators[name].show(value)}" for name, value in outputs.items())
         return ", ".join(shown) or None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +59,8 @@ class RunResult:
     unconfirmed: outputs that may still be on, because the bench has not confirmed that they are safe, or
         cannot; None if it has.
     by_hand: what the operator then has to do.
-    warnings: where a simulated bench left the ranges of validity of its effects.
+    warnings: where a simulated bench left the ranges of validity of its effects, and which outputs nothing
+        confirms to be on, as they are in the safe state.
     test: whether the device under test has passed, over all sessions; None if nothing was recorded.
     """
 
@@ -223,6 +224,7 @@ class _Session:
             if status == "finished":
                 status, event = "failed", "fail"
             self._bench.event("fault", message)
+        warnings = (*self._sampling.warnings, *self._warn_of_trust())
         try:
             self._backend.close()
         except Exception as error:  # noqa: BLE001 - the data have to be closed whatever happens to the bench
@@ -246,7 +248,6 @@ class _Session:
         if self._watching is not None:
             self._watching.close()
         records, folder = self._progress.records_done, self._writer.folder
-        warnings = tuple(self._sampling.warnings)
         test = _judged(folder)
         return RunResult(
             status, reason, code, folder, records, duration, unconfirmed, by_hand, warnings, test
@@ -257,6 +258,14 @@ class _Session:
         """The outputs that may still be on at the end of the run; None if all are confirmed to be safe."""
         found = filter(None, (self._bench.unconfirmed, self._bench.never_confirmed))
         return ", ".join(found) or None
+
+    def _warn_of_trust(self) -> Iterator[RunWarning]:
+        """Warn of outputs that should be on in the safe state, where nothing shows whether they are."""
+        trusted = self._bench.safe_on_trust
+        if trusted is not None:
+            message = f"nothing confirms that {trusted}, as the safe state requires: look whether it is"
+            self._bench.event("note", message)
+            yield RunWarning(self._bench.now, -1, message)
 
     def _arm(self, driver: Driver) -> None:
         """Read the bench and check the interlocks before anything moves.
