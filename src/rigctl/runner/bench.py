@@ -446,7 +446,7 @@ class Bench:
 
     @property
     def safe_on_trust(self) -> str | None:
-        """The outputs that are on in the safe state, that nothing can confirm, and that this run has driven to
+        """The outputs that are on in the safe state, which nothing confirms, and which this run has driven to
         no other value.
         """
         known = self.backend.outputs_read | self.backend.outputs_answered
