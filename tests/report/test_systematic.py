@@ -100,7 +100,9 @@ def test_a_systematic_error_is_never_larger_than_the_error(
         errors={"position": made},
         problem=SimpleNamespace(
             measurements=SimpleNamespace(outputs=("position",), units=("mm",), titles={}),
-            noise=SimpleNamespace(channels=[SimpleNamespace(name="position", guessed=False)]),
+            noise=SimpleNamespace(
+                channels=[SimpleNamespace(name="position", guessed=False, own_scale=False)]
+            ),
         ),
     )
     (position,) = falls([fit], [{"position": share * most}])  # type: ignore[list-item]

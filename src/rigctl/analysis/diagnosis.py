@@ -147,6 +147,7 @@ def diagnose_comparison(
         excluded_because=remarks.why,
         next_steps=remarks.next_steps,
         p_value_after=(search.at(best) if best.candidates else before).adequacy.p_value,
+        unproven_after=_unproven_after(search, best),
         remainder=judgement.remaining,
         doubt=doubt,
         levels=judgement.levels,
@@ -160,6 +161,13 @@ def diagnose_comparison(
         return diagnosis
     outside = judgement.of_set is Verdict.OUTSIDE_LIBRARY
     return replace(diagnosis, laws=_laws_instead(search) if outside else judgement.every_law.of())
+
+
+def _unproven_after(search: Search, best: RefittedSet) -> tuple[str, ...]:
+    """The channels of which the errors with a set are not shown to be noise."""
+    if not best.candidates or search.with_discrepancies(best).adequacy.agrees:
+        return ()
+    return search.at(best).adequacy.unproven
 
 
 def _undecided_by_bound(

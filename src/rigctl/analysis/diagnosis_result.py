@@ -191,6 +191,7 @@ class Diagnosis:
     before: the model as given.
     best: the fit with `effects`.
     trials: every set that was refitted.
+    unproven_after: channels whose errors with the best set are not shown to be noise.
     remainder: what the best set leaves; None if the tests find nothing any more, or there is no set.
     doubt: why these data cannot tell whether anything is missing: for `OUTSIDE_LIBRARY`, for `ADEQUATE` if a
         test rejects a model whose error is below the noise, and for `UNDECIDED` by a bound; "" if they can.
@@ -225,6 +226,7 @@ class Diagnosis:
     best: RefittedSet = field(repr=False)
     trials: tuple[RefittedSet, ...] = field(repr=False)
     p_value_after: float = math.nan
+    unproven_after: tuple[str, ...] = ()
     excluded: tuple[Exclusion, ...] = ()
     excluded_because: tuple[str, ...] = ()
     next_steps: tuple[str, ...] = ()
@@ -351,6 +353,7 @@ class Diagnosis:
             "outside_validity": [one.document() for one in self.outside],
             "p_value": self.before.adequacy.p_value,
             "p_value_after": finite_or_none(self.p_value_after),
+            "unproven_after": list(self.unproven_after),
             "held_out": list(self.held_out),
             "evidence": list(self.evidence),
             "notes": list(self.notes),

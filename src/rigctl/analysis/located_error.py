@@ -23,6 +23,9 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.model.curve_bands import CurveBand, curve_bands
 from rigctl.model.fit.fit import FitResult
 
+#: least share of an error that is stated: one per cent, rounded
+_SAID = 0.005
+
 
 @dataclass(frozen=True)
 class LocatedError:
@@ -109,7 +112,7 @@ class LocatedError:
             return self._agreement
         text = f"{name} does not agree with the measurements ({chance})"
         worst = next((place for place in self.places if place.by == "cell"), None)
-        if worst is not None:
+        if worst is not None and worst.share_of_error >= _SAID:
             text += f": {100 * worst.share_of_error:.0f} % of the systematic error is in {worst.label}"
         direction = sentence(self.trends)
         return f"{text}. {direction}" if direction else text

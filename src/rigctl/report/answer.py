@@ -122,9 +122,10 @@ def error_text(channel_falls: Sequence[ChannelFall], pattern: str = "") -> str:
         sizes = [
             f"{one.channel} from {_size(one, 0)} to {_size(one, -1)}"
             for one in changed
-            if not one.hidden_fall
+            if not one.hidden_fall and not one.own
         ]
-        parts = [f"beyond the noise, {'; '.join(sizes)}"] if sizes else []
+        parts = [_own_fall(one) for one in changed if one.own]
+        parts += [f"beyond the noise, {'; '.join(sizes)}"] if sizes else []
         parts += [f"within the noise before and after, falls on {', '.join(hidden)}"] if hidden else []
         return f"{'; '.join(parts)}{note}"
     if pattern and all(one.within(0) for one in channel_falls):
@@ -133,15 +134,26 @@ def error_text(channel_falls: Sequence[ChannelFall], pattern: str = "") -> str:
 
 
 def _state(channel_falls: Sequence[ChannelFall], index: int) -> str:
-    beyond = [one for one in channel_falls if not one.within(index)]
+    own = [one for one in channel_falls if one.own and not one.within(index)]
+    beyond = [one for one in channel_falls if not one.own and not one.within(index)]
     within = [one.channel for one in channel_falls if one.within(index)]
-    if not beyond:
+    if not beyond and not own:
         return (
             "within the noise on every channel" if len(channel_falls) > 1 else f"{within[0]} within its noise"
         )
+    parts = [f"{one.channel} {one.beside_noise(index)}" for one in own]
     sizes = "; ".join(f"{one.channel} {_size(one, index)}" for one in beyond)
-    rest = f"; {', '.join(within)} within {'its' if len(within) == 1 else 'their'} noise" if within else ""
-    return f"beyond the noise, {sizes}{rest}"
+    parts += [f"beyond the noise, {sizes}"] if sizes else []
+    parts += [f"{', '.join(within)} within {'its' if len(within) == 1 else 'their'} noise"] if within else []
+    return "; ".join(parts)
+
+
+def _own_fall(one: ChannelFall) -> str:
+    """``thermocouple from 0.118 V to 0.092 V, 4.2 times its white noise of 0.022 V``."""
+    if one.within(-1):
+        return f"{one.channel} from {one.amount(0)} to {one.sigmas(-1)} of {one.noise_text}"
+    start = one.amount(0) or f"within the noise of {one.noise_text}"
+    return f"{one.channel} from {start} to {one.beside_noise(-1)}"
 
 
 def _size(one: ChannelFall, index: int) -> str:

@@ -194,6 +194,8 @@ def _sureness(diagnosis: Diagnosis) -> str:
 def _left(diagnosis: Diagnosis) -> str:
     if not diagnosis.best.candidates:
         return ""
+    if diagnosis.unproven_after:
+        return _left_beside_floor(diagnosis)
     if diagnosis.remainder is None:
         chance = chance_text(diagnosis.p_value_after)
         if diagnosis.p_value_after < ALPHA:
@@ -203,6 +205,16 @@ def _left(diagnosis: Diagnosis) -> str:
     where = f", most at {remainder.slot}" if remainder.slot else ""
     over = f", over {remainder.over}" if remainder.over else ""
     return f"{share_text(remainder.share)} of the misfit, {remainder.size:.0f} sigma{where}{over}"
+
+
+def _left_beside_floor(diagnosis: Diagnosis) -> str:
+    """The error that the best set leaves where it is not shown to be noise."""
+    fits, lefts = _fits(diagnosis), lefts_of_diagnosis(diagnosis)
+    known = [one for one in falls(fits[-1:], lefts[-1:]) if one.channel in diagnosis.unproven_after]
+    parts = [
+        f"in {one.channel} an error" + (f" of {one.beside_noise(-1)}" if one.own else "") for one in known
+    ]
+    return f"{'; '.join(parts)}: slow noise or something else that is missing" if parts else ""
 
 
 def sizes_in(problem: Problem, added: Sequence[str]) -> str:

@@ -4,6 +4,10 @@ A root mean square error that falls from 0.158 mm to 0.127 mm seems a small chan
 the whole systematic error is gone. The error is therefore measured by its significance over all readings: S =
 √X standard deviations, where X is the excess of the whitened squares over those of noise. For two models on
 the same data the difference of X is that of their whitened squares, whatever noise is assumed.
+
+Where only the floor of a channel's noise is known, what a model leaves is its own scale, in which X is nearly
+zero for every model. Its error is then compared with that floor, or with the noise that the rig file states,
+and is within the noise only if the tests of adequacy accept it there.
 """
 
 from __future__ import annotations
@@ -17,19 +21,23 @@ import numpy as np
 
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.report.numbers import number, symbol
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import ModelComparison
     from rigctl.analysis.diagnosis_result import Diagnosis
     from rigctl.model.fit.errors import ChannelError
     from rigctl.model.fit.fit import FitResult
+    from rigctl.model.measured.record import Measurements
+    from rigctl.noise import ChannelNoise
 
 #: standard deviations of a sum of squares under chance up to which it is not distinguished from noise
 _CHANCE = 1.96
 #: S up to which a channel's error is not distinguished from noise: the effect of some more parameters on
 #: noise
 _FLOOR = 3.0
+#: RMS error up to which one that is not tested for its colour is not distinguished from a white floor
+_AT_FLOOR = 1.2
 
 
 @dataclass(frozen=True)
@@ -40,10 +48,13 @@ class ChannelFall:
     ----------
     title, unit: of the channel, as it is shown.
     noise: standard deviation of one reading, in `unit`.
-    sizes: S of each model, in sigmas of all readings together; 0 if not distinguished from noise.
-    amounts: root mean square of the systematic error of each model, in `unit`; 0 where noise hides it.
+    sizes: S of each model, in sigmas of all readings together, or with `own` its error in units of `noise`; 0
+        if not distinguished from noise.
+    amounts: root mean square of the systematic error of each model, in `unit`, or with `own` of its whole
+        error; 0 where noise hides it.
     difference: by how much X of the first exceeds that of the last, whatever the noise.
     guessed: whether the noise is only a guess, and so the systematic error too.
+    own: what `noise` is where only the floor is known: ``white noise``, or ``stated noise``; else "".
     """
 
     channel: str
@@ -54,6 +65,7 @@ class ChannelFall:
     amounts: tuple[float, ...]
     difference: float
     guessed: bool
+    own: str = ""
 
     @property
     def changed(self) -> bool:
@@ -63,7 +75,7 @@ class ChannelFall:
     @property
     def hidden_fall(self) -> str:
         """``8.3 sigma``, by which an error that is within the noise before and after falls; "" otherwise."""
-        if not (self.within(0) and self.within(-1) and self.difference > 0.0):
+        if self.own or not (self.within(0) and self.within(-1) and self.difference > 0.0):
             return ""
         return _in_sigmas(math.sqrt(self.difference))
 
@@ -72,8 +84,16 @@ class ChannelFall:
         return self.sizes[index] == 0.0
 
     def sigmas(self, index: int) -> str:
-        """``41 sigma``, or a note that it is within the noise."""
-        return "within the noise" if self.within(index) else _in_sigmas(self.sizes[index])
+        """``41 sigma``, or ``4.2 times its white noise``, or a note that it is within the noise."""
+        if self.within(index):
+            return "within the noise"
+        if self.own:
+            return f"{significant(self.sizes[index], 2)} times its {self.own}"
+        return _in_sigmas(self.sizes[index])
+
+    def beside_noise(self, index: int) -> str:
+        """With `own` and beyond the noise: ``0.092 V, 4.2 times its white noise of 0.022 V``."""
+        return f"{self.amount(index)}, {self.sigmas(index)} of {self.noise_text}"
 
     @property
     def noise_text(self) -> str:
@@ -103,17 +123,21 @@ def falls(fits: Sequence[FitResult], remaining: Sequence[Mapping[str, float]]) -
 
     Parameters
     ----------
-    remaining: S of each model, for the channels where it exceeds the noise; see `left_of`.
+    remaining: S of each model, or its error in units of the floor, for the channels where it exceeds the
+        noise; see `left_of`.
     """
     problem = fits[0].problem
     measurements = problem.measurements
-    guessed = {channel.name: channel.guessed for channel in problem.noise.channels}
+    known = {channel.name: channel for channel in problem.noise.channels}
     result = []
     for name, shown in zip(measurements.outputs, measurements.units, strict=True):
         if any(name not in fit.errors for fit in fits):
             continue
         unit = parse_unit(shown)
         errors = [fit.errors[name] for fit in fits]
+        if known[name].own_scale:
+            result.append(_against_floor(measurements, shown, known[name], errors, remaining))
+            continue
         first, last = errors[0], errors[-1]
         sizes = [size if size > _FLOOR else 0.0 for size in (left.get(name, 0.0) for left in remaining)]
         shares = [_amplitude(error, size) for error, size in zip(errors, sizes, strict=True)]
@@ -128,10 +152,43 @@ def falls(fits: Sequence[FitResult], remaining: Sequence[Mapping[str, float]]) -
                     share * error.noise / unit.factor for share, error in zip(shares, errors, strict=True)
                 ),
                 difference=first.count * (first.chi2_reduced - last.chi2_reduced),
-                guessed=guessed[name],
+                guessed=known[name].guessed,
             )
         )
     return tuple(sorted(result, key=lambda one: -max(one.sizes)))
+
+
+def _against_floor(
+    measurements: Measurements,
+    shown: str,
+    noise: ChannelNoise,
+    errors: Sequence[ChannelError],
+    remaining: Sequence[Mapping[str, float]],
+) -> ChannelFall:
+    """One channel of which only the floor is known; two models differ by ``(Σe₁²/Σe₂² − 1)·n/τ``, in units of
+    what the better one leaves."""
+    unit = parse_unit(shown)
+    sizes = tuple(left.get(noise.name, 0.0) for left in remaining)
+    squares = [one.rmse**2 for one in errors]
+    better = min(squares[0], squares[-1]) or 1.0
+    return ChannelFall(
+        channel=noise.name,
+        title=measurements.titles.get(noise.name, noise.name),
+        unit="K" if unit.offset else symbol(shown),
+        noise=_level(noise) / unit.factor,
+        sizes=sizes,
+        amounts=tuple(
+            one.rmse / unit.factor if size else 0.0 for one, size in zip(errors, sizes, strict=True)
+        ),
+        difference=(squares[0] - squares[-1]) / better * errors[0].count / noise.together,
+        guessed=False,
+        own="stated noise" if noise.allowed else "white noise",
+    )
+
+
+def _level(noise: ChannelNoise) -> float:
+    """SI, what an error is compared with where only the floor is known."""
+    return noise.allowed or noise.level
 
 
 def _amplitude(error: ChannelError, size: float) -> float:
@@ -145,16 +202,21 @@ def left_of(model: ModelComparison) -> dict[str, float]:
     """S of a model by channel, for those whose error exceeds chance; none for a model that agrees.
 
     X is the excess over chance of the residuals' means over the phases of the records, or of all whitened
-    squares if that is larger: an error that changes its sign within a phase has no mean there.
+    squares if that is larger: an error that changes its sign within a phase has no mean there. Where only the
+    floor is known, the error in units of it, unless it is shown to be noise.
     """
     if model.adequate:
         return {}
+    unproven = errors_beside_floor(model.fit, model.adequacy.unproven)
     beyond = {one.label for one in model.where if one.by == "channel" and one.p_value < ALPHA}
     columns: dict[str, list[int]] = {}
     for column, label in enumerate(model.linearisation.regions.labels):
         columns.setdefault(label[1], []).append(column)
+    own = {channel.name for channel in model.fit.problem.noise.channels if channel.own_scale}
     sizes = {}
     for name, indices in columns.items():
+        if name in own:
+            continue
         z = model.cells.z[:, indices]
         present = z[np.isfinite(z)]
         error = model.fit.errors[name]
@@ -162,13 +224,26 @@ def left_of(model: ModelComparison) -> dict[str, float]:
         excess = max(float(np.sum(present**2)) - present.size, total)
         if name in beyond and excess > 0.0:
             sizes[name] = math.sqrt(excess)
-    return sizes
+    return sizes | unproven
+
+
+def errors_beside_floor(fit: FitResult, names: Sequence[str]) -> dict[str, float]:
+    """RMS error in units of the floor, or of the stated noise, for channels of which no more is known."""
+    return {
+        channel.name: fit.errors[channel.name].rmse / _level(channel)
+        for channel in fit.problem.noise.channels
+        if channel.own_scale and channel.name in names and channel.name in fit.errors
+    }
 
 
 def left_of_fit(fit: FitResult) -> dict[str, float]:
-    """Systematic error of a fit by channel: the excess of its whitened squares over noise."""
-    sizes = {}
+    """Systematic error of a fit by channel: the excess of its whitened squares over noise, or of its error
+    over the floor where only that is known."""
+    own = {channel.name for channel in fit.problem.noise.channels if channel.own_scale}
+    sizes = {name: size for name, size in errors_beside_floor(fit, tuple(own)).items() if size > _AT_FLOOR}
     for name, error in fit.errors.items():
+        if name in own:
+            continue
         excess = error.count * (error.chi2_reduced - 1.0)
         if excess > _CHANCE * math.sqrt(2.0 * error.count):
             sizes[name] = math.sqrt(excess)
@@ -181,12 +256,15 @@ def lefts_of_diagnosis(diagnosis: Diagnosis) -> list[dict[str, float]]:
     before = left_of(diagnosis.before)
     if not diagnosis.best.candidates:
         return [before]
+    fit = diagnosis.best.fit
+    unproven = errors_beside_floor(fit, diagnosis.unproven_after)
     if diagnosis.remainder is None:
-        return [before, {}]
-    errors = diagnosis.best.fit.errors
+        return [before, unproven]
+    known = {channel.name for channel in fit.problem.noise.channels if not channel.own_scale}
+    errors = {name: one for name, one in fit.errors.items() if name in known}
     parts = {name: max(one.count * (one.chi2_reduced - 1.0), 0.0) for name, one in errors.items()}
     total = sum(parts.values())
     after = {
         name: diagnosis.remainder.size * math.sqrt(part / total) for name, part in parts.items() if part > 0.0
     }
-    return [before, after]
+    return [before, after | unproven]

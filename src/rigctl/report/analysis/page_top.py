@@ -99,17 +99,28 @@ def _shows(one: ChannelFall) -> bool:
 
 def _chart(shown: Sequence[ChannelFall], named: NamedModels) -> Markup | None:
     """A bar for each channel and model, in sigmas of one reading; the noise of one reading beside them."""
-    if not shown:
-        return None
+    known, own = [one for one in shown if not one.own], [one for one in shown if one.own]
+    title = "Systematic error" if len(named.names) == 1 else "How the systematic error falls"
+    charts = [
+        *([_bars(f"{title}: {_SCALE}", known, named)] if known else []),
+        *([_bars(_OWN_SCALE, own, named)] if own else []),
+    ]
+    return Markup("").join(charts) if charts else None
+
+
+#: of the two charts
+_SCALE = "by how much it stands out from the noise, all readings together"
+_OWN_SCALE = "Error of the model, noise included, where the slow part of the noise is not known"
+
+
+def _bars(title: str, shown: Sequence[ChannelFall], named: NamedModels) -> Markup:
     largest = max(size for one in shown for size in one.sizes) or 1.0
-    count = len(named.names)
     entries = [
-        _bar(one, index, one.title if count == 1 else f"{one.title}, {name}", largest)
+        _bar(one, index, one.title if len(named.names) == 1 else f"{one.title}, {name}", largest)
         for one in shown
         for index, name in enumerate(named.names)
     ]
-    title = "Systematic error" if count == 1 else "How the systematic error falls"
-    return bars(f"{title}: by how much it stands out from the noise, all readings together", entries)
+    return bars(title, entries)
 
 
 def _bar(one: ChannelFall, index: int, label: str, largest: float) -> Bar:
@@ -120,7 +131,8 @@ def _bar(one: ChannelFall, index: int, label: str, largest: float) -> Bar:
 
 def _beside(one: ChannelFall, index: int) -> str:
     amount = one.amount(index)
-    noise = f"; one reading has {one.noise_text} of noise" if index == 0 else ""
+    what = one.own or "noise"
+    noise = f"; one reading has {one.noise_text} of {what}" if index == 0 else ""
     return f"{amount}{noise}" if amount else ""
 
 
@@ -132,7 +144,10 @@ def _unchanged(channel_falls: Sequence[ChannelFall], shown: Sequence[ChannelFall
     beyond = [one for one in rest if not one.within(-1)]
     within = [one.title for one in rest if one.within(-1)]
     parts = [f"{', '.join(within)}: within the noise"] if within else []
-    parts += [f"{one.title}: {one.sigmas(-1)} beyond the noise" for one in beyond]
+    parts += [
+        f"{one.title}: {one.beside_noise(-1) if one.own else f'{one.sigmas(-1)} beyond the noise'}"
+        for one in beyond
+    ]
     same = " before and after" if len(channel_falls[0].sizes) > 1 else ""
     return f"{'; '.join(parts)}{same}"
 
