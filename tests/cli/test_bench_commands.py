@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -226,6 +228,21 @@ def test_jog_stops_at_a_limit(rigctl: Rigctl) -> None:
     done = rigctl("jog", "valve", "extend", "--for", "5 s", "--speed", "max")
     assert done.exit_code == 1
     assert "failed: The piston is about to reach its end stop" in done.stdout
+
+
+def test_jog_brings_a_level_there_at_its_max_rate(rigctl: Rigctl) -> None:
+    text = (RIG.parent / "heater-board.yaml").read_text("utf-8")
+    level = "heater_1: {kind: level, "
+    assert level in text
+    Path("slow.yaml").write_text(text.replace(level, f"{level}max_rate: 40 %/s, "), "utf-8")
+    done = rigctl("jog", "heater_1", "60 %", "--for", "0.5 s", "--rig", "slow.yaml", "--speed", "max")
+    assert done.exit_code == 0, done.output
+    found = re.findall(r"([\d.]+) s +heater_1 ([\d.]+) %", done.stderr)
+    times, levels = ([float(one[at]) for one in found] for at in (0, 1))
+    assert (max(levels), levels[-1]) == (60.0, 0.0)
+    rising = [*zip(times[:-1], levels[:-1], strict=True)]
+    assert all(b - a <= 40.0 * (t - s) + 0.1 for (s, a), (t, b) in pairwise(rising))
+    assert times[-1] - times[-2] == pytest.approx(0.5, abs=0.2)
 
 
 def test_monitor_prints_text_or_one_json_object_per_sample(rigctl: Rigctl) -> None:

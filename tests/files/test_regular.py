@@ -23,6 +23,8 @@ COMMANDS = (
     "import {}.xlsx",
     "import {}.tdms",
     "import {}.parquet",
+    "import {}.mat",
+    "import {}.mf4",
     "import data/hl32-viscosity.csv --rig {}.yaml",
     "model show {}.yaml",
     "model history {}.yaml",
@@ -34,7 +36,7 @@ COMMANDS = (
 def test_pipes_and_devices_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     create_project(tmp_path / "project")
     monkeypatch.chdir(tmp_path / "project")
-    for ending in ("yaml", "csv", "csv.gz", "xlsx", "tdms", "parquet"):
+    for ending in ("yaml", "csv", "csv.gz", "xlsx", "tdms", "parquet", "mat", "mf4"):
         os.mkfifo(f"pipe.{ending}")
         Path(f"device.{ending}").symlink_to("/dev/zero")
     for name, command in product(("pipe", "device"), COMMANDS):
@@ -65,10 +67,46 @@ OWN = {
 
 
 def reads_anything(text: str) -> bool:
-    """Whether a module reads files by methods of paths, which open anything."""
-    calls = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call))
+    """Whether a module reads files by methods of paths or by `open`, which open anything."""
+    calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
     names = {node.func.attr for node in calls if isinstance(node.func, ast.Attribute)}
-    return bool(names & {"read_text", "read_bytes"})
+    return bool(names & {"read_text", "read_bytes"}) or any(opens_anything(call) for call in calls)
+
+
+def opens_anything(call: ast.Call) -> bool:
+    """Whether a call opens a file for reading, whatever it is: ``path.open("rb")``, ``open(path)``."""
+    stated = {one.arg: one.value for one in call.keywords}
+    if isinstance(call.func, ast.Name) and call.func.id == "open":
+        modes = [*call.args[1:2], ast.Constant("r")]
+    elif isinstance(call.func, ast.Attribute) and call.func.attr == "open":
+        plain = not call.args and not {"mode", "encoding", "newline", "errors"} & set(stated)
+        modes = [
+            *call.args[:1],
+            *([] if plain else [ast.Constant("r")]),
+        ]  # not of a bench
+    else:
+        return False
+    mode = stated.get("mode", modes[0] if modes else None)
+    text = mode.value if isinstance(mode, ast.Constant) else None
+    return isinstance(text, str) and "r" in text and set(text) <= set("rbt") and "opener" not in stated
+
+
+@pytest.mark.parametrize(
+    ("call", "found"),
+    [
+        ('path.open("rb")', True),
+        ("path.open(encoding='utf-8')", True),
+        ("path.open(mode='rt')", True),
+        ("open(path)", True),
+        ("open(path, 'rb')", True),
+        ("open(path, 'rb', opener=regular)", False),
+        ("path.open('wb')", False),
+        ("os.open(path, flags)", False),
+        ("backend.open()", False),
+    ],
+)
+def test_every_way_to_open_a_file_is_seen(call: str, found: bool) -> None:
+    assert reads_anything(call) is found
 
 
 def test_files_of_users_are_opened_only_if_regular() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.files.schema import json_schema
+from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
 
 
@@ -285,6 +286,16 @@ def test_missing_dates_and_interlocks_give_warnings(small: str) -> None:
     assert "channel 'pressure' has no calibration date" in warnings
     no_stop = small.replace("for: 0.5 s", "action: warn")
     assert any("no interlock" in warning for warning in parse_rig(no_stop).warnings(date(2026, 3, 1)))
+
+
+def test_sensors_without_a_range_give_one_warning_on_a_real_bench() -> None:
+    text = load_rig(shipped("rigs", "tclab-board.yaml")).text
+    bare = parse_rig(text.replace("    range: [-40 degC, 150 degC]", "    #"))
+    said = [warning for warning in bare.warnings(date(2026, 3, 1)) if "'range'" in warning]
+    assert len(said) == 1
+    assert said[0].startswith("temperature_1, temperature_2: without a 'range'")
+    simulated = bare.model_copy(update={"backend": bare.backend.model_copy(update={"kind": "simulated"})})
+    assert not any("'range'" in warning for warning in simulated.warnings(date(2026, 3, 1)))
 
 
 def test_a_calibration_valid_for_ever_does_not_overflow(small: str) -> None:

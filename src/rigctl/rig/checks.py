@@ -19,6 +19,9 @@ from rigctl.rig.rig import Rig
 from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import interval_unit, parse_unit
 
+#: backends whose readings come from sensors
+_REAL = ("serial", "modbus", "visa", "opcua")
+
 #: reserved names in expressions and tables
 RESERVED = frozenset(
     f"{TIME} {RECORD} and or not true false abs min max sqrt exp log first last mean std duration".split()
@@ -354,6 +357,12 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
         yield doubt
     if not any(limit.action == "stop" for limit in rig.limits.values()):
         yield "no limit stops a run: the rig file has no interlock"
+    without = [name for name, one in rig.channels.items() if one.range is None]
+    if rig.backend.kind in _REAL and without:
+        yield (
+            f"{', '.join(without)}: without a 'range' a broken wire or a garbled number counts as a reading: "
+            "it says what the sensor can measure, e.g. range: [-40 degC, 150 degC]"
+        )
     lines, driven = rig.lines, [n for n, part in rig.actuators.items() if part.by == "driven"]
     if lines is not None and driven and lines.keep_alive is None:
         yield (

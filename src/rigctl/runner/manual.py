@@ -121,9 +121,12 @@ def _plan_of_jog(rig: Rig, actuator: str, value: str, duration: str | None) -> P
         raise unknown_name("actuator", actuator, rig.actuators)
     setting: dict[str, Any] = {"values": {actuator: value}}
     steps: list[dict[str, Any]] = [{"set": setting}]
-    if duration is not None:
+    described = rig.actuators[actuator]
+    if duration is not None and described.by == "driven" and described.max_rate is not None:
+        steps.append({"wait": duration})  # once it has arrived at its max_rate; a pulse would be a jump
+    elif duration is not None:
         setting["for"] = duration
-    elif rig.actuators[actuator].by == "driven":
+    elif described.by == "driven":
         steps.append({"prompt": f"{actuator} is at {value}; Enter brings it back"})
     text = json.dumps({"procedure": f"jog {actuator}", "steps": steps})  # JSON is YAML
     try:

@@ -101,6 +101,9 @@ def jog(
 ) -> None:
     """Move one actuator by hand, within its range and under the interlocks; outputs are safe afterwards.
 
+    A level with a max_rate is brought there at this rate, and --for counts from its arrival; the safe state
+    is commanded at once.
+
     Example: rigctl jog valve extend --for "0.5 s"
     """
     from rigctl.cli.attended_run import report_end

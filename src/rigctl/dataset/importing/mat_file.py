@@ -26,6 +26,7 @@ from rigctl.dataset.importing.groups import (
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -80,7 +81,7 @@ def _load(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     with clear_errors(path, "MAT"):
-        with path.open("rb") as file:
+        with open(path, "rb", opener=regular) as file:
             if file.read(len(_NEWEST)) == _NEWEST:
                 raise RigctlError(
                     "the file is of version 7.3, which cannot be read",

@@ -23,6 +23,7 @@ from rigctl.dataset.importing.groups import (
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.options import Options
+from rigctl.files.regular import regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,7 +52,7 @@ def open_mdf(path: Path, options: Options) -> GroupedFile:
         with (
             clear_errors(path, "MDF"),
             overheard("asammdf", messages),
-            path.open("rb") as raw,
+            open(path, "rb", opener=regular) as raw,
             MDF(raw) as file,
         ):
             origins.append(_started(file, options, remarks))

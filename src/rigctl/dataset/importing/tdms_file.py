@@ -30,6 +30,7 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.tdms_times import Waveform, starts_of_parts
 from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,18 +65,18 @@ def open_tdms(path: Path, options: Options) -> GroupedFile:
         with (
             clear_errors(path, "TDMS"),
             overheard("nptdms", messages),
-            path.open("rb") as raw,
+            open(path, "rb", opener=regular) as raw,
             TdmsFile.open(raw) as file,
         ):
             yield [_group(path, group, options, messages, starts) for group in file.groups()]
 
     with clear_errors(path, "TDMS"), overheard("nptdms", messages):
-        with path.open("rb") as raw:
+        with open(path, "rb", opener=regular) as raw:
             starts = starts_of_parts(raw)
         if path.stat().st_size > LARGE:
             return _opened(path, reading, options, messages, starts)
         # read whole, since the library searches all previous pieces for each piece of a file
-        with path.open("rb") as raw:
+        with open(path, "rb", opener=regular) as raw:
             read = TdmsFile.read(raw)
             groups = [_group(path, group, options, messages, starts) for group in read.groups()]
     return _opened(path, lambda: nullcontext(groups), options, messages, starts)

@@ -37,6 +37,7 @@ from rigctl.dataset.importing.table import require_few_columns
 from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.dataset.importing.xlsx_times import read_times
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,7 +73,7 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
     except ImportError as problem:
         raise missing_extra("xlsx", "openpyxl", path) from problem
 
-    with clear_errors(path, "XLSX"), path.open("rb") as raw:
+    with clear_errors(path, "XLSX"), open(path, "rb", opener=regular) as raw:
         book = load_workbook(raw, read_only=True, data_only=True, keep_links=False)
         sheets = [_read(sheet, options.heading) for sheet in book.worksheets]
     tables = [sheet for sheet in sheets if sheet is not None]
