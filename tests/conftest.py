@@ -73,6 +73,14 @@ LONGEST = (
     "benches/test_round_trips.py",
     "journeys/test_diagnose.py",
     "noise/test_estimate.py",
+    "web/test_workbench.py",
+    "analysis/test_size_scatter.py",
+    "journeys/test_effects_of_the_model.py",
+    "benches/test_stirred_jar.py",
+    "analysis/test_refit.py",
+    "analysis/test_moving_bench.py",
+    "torture/test_endings.py",
+    "analysis/test_fmu_rival.py",
     "journeys/test_own_effects.py",
     "learning/test_learn.py",
     "analysis/single_values/test_verdicts.py",
@@ -86,7 +94,6 @@ LONGEST = (
     "dataset/importing/test_hostile_files.py",
     "journeys/test_bad_data.py",
     "faults/test_board_faults.py",
-    "web/test_workbench.py",
 )
 
 

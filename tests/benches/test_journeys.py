@@ -37,12 +37,21 @@ FAST = {"spring", "pendulum"}
 ALONE = {"chain", "exchanger", "belt", "pendulum"}
 
 
+#: benches whose integration takes long: how many of the records before the held-out ones are in the log
+FEWER = {"exchanger": 3, "chamber": 3}
+
+
 def project(folder: Path, name: str, amplitude: float) -> Path:
     """A user's project with the log in it."""
     told("init", str(folder), "--minimal")
     sampling: Sampling = "fast" if amplitude and name in FAST else "slow"
     campaign = BenchCampaign(find_bench(name), amplitude, sampling, seed=0)
-    return write_bench(campaign, folder)
+    log = write_bench(campaign, folder)
+    if name in FEWER:
+        heading, *lines = log.read_text(encoding="utf-8").splitlines(keepends=True)
+        kept = [line for line in lines if not FEWER[name] < int(line.split(",")[1]) <= 5]
+        log.write_text("".join([heading, *kept]), encoding="utf-8", newline="\n")
+    return log
 
 
 @pytest.mark.parametrize("name", list(BENCHES))
