@@ -89,7 +89,7 @@ def write_log(path: Path, stirring: float, seed: int) -> None:
     """A log of nine records; `stirring` is the heat of the stirrer at 600 rpm, W."""
     rng = np.random.default_rng(seed)
     lines = ["time [s],record,heater [W],stirrer [rpm],ambient [degC],water [degC],shell [degC]"]
-    times = np.arange(0.0, 5400.1, 20.0)
+    times = np.arange(0.0, 5400.1, 40.0)
     for number, condition in enumerate(CONDITIONS, start=1):
         ambient = 21.0 + rng.normal()
         start = [ambient + rng.normal(0.0, 0.3) + 1.0, ambient + 1.0]
