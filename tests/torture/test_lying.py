@@ -45,6 +45,12 @@ def test_a_loose_contact_hides_no_limit_and_ends_no_wait_behind_every_protocol(
     assert result.status in ("aborted", "failed")
 
 
+def test_a_restart_that_nobody_can_notice_is_not_counted(tmp_path: Path) -> None:
+    """The second heater is off 2 ms before its own command, which is on its way."""
+    tally = torture(tmp_path, "56", ("lines",), iter([9]), RESTARTS)
+    assert (tally.failures, tally.complete) == ([], 1)
+
+
 def test_a_complete_record_with_other_outputs_than_stored_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
