@@ -104,7 +104,8 @@ def _holds(text: str, quoted: str) -> bool:
 
 def _as_ours(error: Any) -> RigctlError:
     context: Any = getattr(error, "ctx", None)
-    path = context.command_path if context is not None else "rigctl"
+    called = context.command_path if context is not None else ""  # "python -m rigctl runs" too
+    path = f"rigctl{called.rpartition('rigctl')[2]}"
     hint = f"'{path} --help' describes the call" if context is not None else None
     param = getattr(error, "param", None)
     option = getattr(error, "option_name", None)
