@@ -28,6 +28,24 @@ def _thinned(report: Callable[[str], None], now: Callable[[], float] = monotonic
 
 
 @contextmanager
+def first_sign(text: str) -> Iterator[None]:
+    """Show on a terminal, while something is read that takes seconds on a busy computer, what is being done.
+
+    Nothing else may rewrite the terminal meanwhile, as `progress_display` does.
+    """
+    from rich.markup import escape
+
+    from rigctl.cli.tables import console
+
+    out = console(stderr=True)
+    if not out.is_terminal:
+        yield
+        return
+    with out.status(escape(text)):
+        yield
+
+
+@contextmanager
 def progress_display(stopped: str = "") -> Iterator[Callable[[str], None]]:
     """Yield a function that is to be called with a description of each step.
 

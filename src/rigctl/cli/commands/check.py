@@ -12,6 +12,7 @@ import typer
 from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.options.family import FamilyOption, check_family_of
 from rigctl.cli.options.procedure import ArgumentOption
+from rigctl.cli.progress import first_sign
 from rigctl.errors import RigctlError
 
 #: a plan's tree is wide
@@ -58,7 +59,8 @@ def _check_other(kind: str, path: Path, rig: Path | None, arg: Sequence[str], *,
 
     if rig is not None or arg:
         raise RigctlError(f"--rig and --arg are for procedures, and this is a {kind} file", value=str(path))
-    document = describe(kind, path)
+    with first_sign(f"Reading {path}"):
+        document = describe(kind, path)
     if as_json:
         echo_json(json.dumps(document, indent=1, ensure_ascii=False))
     else:
@@ -76,10 +78,11 @@ def _check_procedure(
     from rigctl.planning.outline import outline
     from rigctl.planning.rates import refuse_rates
 
-    plan = open_plan(procedure, rig, arg)
-    check_family_of(plan.rig)
-    refuse_rates(plan)
-    forecast = preview(plan)
+    with first_sign(f"Reading {procedure}"):
+        plan = open_plan(procedure, rig, arg)
+        check_family_of(plan.rig)
+        refuse_rates(plan)
+        forecast = preview(plan)
     warnings = forecast.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:
         document = {"kind": "procedure", **as_document(forecast, warnings)}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.progress import first_sign
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
 
@@ -186,7 +187,8 @@ def import_(
         if save_mapping is not None:
             save(save_mapping, options)
         return
-    done = import_files(paths, bench, find_project().runs, options, keep_good=keep_good, name=name)
+    with first_sign(f"Reading {', '.join(path.name for path in paths)}"):
+        done = import_files(paths, bench, find_project().runs, options, keep_good=keep_good, name=name)
     if save_mapping is not None:
         save(save_mapping, options)
     if not as_json:

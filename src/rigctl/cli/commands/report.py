@@ -12,6 +12,7 @@ from rigctl.cli.commands.compare import Assume
 from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.options.cache import NoCache, Verbose
 from rigctl.cli.options.family import FamilyOption
+from rigctl.cli.progress import first_sign
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
@@ -85,13 +86,17 @@ def report(
     from rigctl.report import write_report
 
     _require_model(model, diagnose=diagnose, assume=assume)
-    models = open_models(model or ())
-    opened = open_runs(runs, models[0] if models else None, assume)
+    with first_sign("Reading the runs"):
+        models = open_models(model or ())
+        opened = open_runs(runs, models[0] if models else None, assume)
     first, more = opened[0].id, len(opened) - 1
     target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
     require_page(target, force=force)
     sections = _analysis(opened, models, diagnose=diagnose) if models else []
-    written = write_report(opened, target, figures=figures, form=form.value, sections=sections, force=force)
+    with first_sign(f"Writing {target}"):
+        written = write_report(
+            opened, target, figures=figures, form=form.value, sections=sections, force=force
+        )
     if as_json:
         facts = {
             "page": written.page,
