@@ -17,7 +17,7 @@ from typing import Any, Final, get_args, get_origin
 
 import typer
 
-from rigctl.errors import Location, RigctlError, SeveralErrors, unknown_name
+from rigctl.errors import RigctlError, SeveralErrors, unknown_name
 
 #: what a value of each type is called
 _KINDS: Final[Mapping[object, str]] = {int: "a whole number", float: "a number"}
@@ -90,8 +90,6 @@ def _named(error: RigctlError, params: Sequence[Any], written: Mapping[str, list
     for fits, quoted in product((str.__eq__, _holds), (error.value, path)):
         about = [one for one in params if any(fits(text, quoted or "") for text in written.get(one.name, ()))]
         if len(about) == 1:
-            if quoted == path:  # said twice otherwise
-                error.value, error.where = error.value or path, Location()
             error.what = f"{_shown_name(about[0])}: {error.what}"
             break
     return error
