@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test check lint types imports unit bench docs pictures site wheel clean system constraints torture lying explore
+.PHONY: demo test check lint types imports unit bench docs pictures site wheel clean system constraints torture lying loggers explore
 
 demo: $(VENV)/.installed
 	$(BIN)/rigctl demo demo
@@ -54,6 +54,11 @@ torture: $(VENV)/.installed-dev
 LYING ?=
 lying: $(VENV)/.installed-dev
 	PYTHONPATH=tests $(BIN)/python -m torture.lying --seed $(SEED) $(LYING)
+
+# Changed files of loggers alone, 10 000 unless LOGGERS says otherwise, e.g. "--files 500".
+LOGGERS ?=
+loggers: $(VENV)/.installed-dev
+	PYTHONPATH=tests $(BIN)/python -m torture.logger_files --seed $(SEED) $(LOGGERS)
 
 # New examples for every property that leaves their number open; those of `make test` are the same each time.
 explore: $(VENV)/.installed-dev

@@ -5,8 +5,11 @@ What is right is said by a reader that knows the form of each file from its desc
 
 from __future__ import annotations
 
+import argparse
 import random
 import re
+import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
@@ -30,6 +33,23 @@ ABOVE: dict[str, tuple[str, ...]] = {
     "nothing": (),
     "a comment": ("# a log",),
     "settings": ("Model{d}GL240", "Interval{d}1 s", ""),
+    "an oscilloscope": (
+        *("Model{d}MDO34", "Firmware Version{d}1.20", "", "Point Format{d}Y{d}{d}"),
+        *("Sample Interval{d}1.0{d}{d}", "Vertical Units{d}C{d}%{d}", "Label{d}{d}{d}", ""),
+    ),
+    "a list of channels": (
+        *("Name:{d}oven{d}{d}{d}", "Owner:{d}lab{d}{d}{d}", "", "Channel{d}Name{d}Function{d}Range{d}"),
+        *("101{d}Oven{d}Temp (Type K){d}C{d}", "102{d}Drive{d}DC voltage{d}10 V{d}", ""),
+    ),
+    "a recorder": (
+        *(
+            "Vendor{d}GRAPHTEC Corporation",
+            "Model{d}GL240",
+            "AMP settings",
+            "CH{d}Signal name{d}Input{d}Range",
+        ),
+        *("CH1{d}{d}TEMP{d}TC_K", "CH2{d}{d}DC{d}10V", "Data"),
+    ),
 }
 #: the names of time, temperature and heater, and a row of units below them
 NAMES: dict[str, tuple[tuple[str, str, str], tuple[str, str, str] | None]] = {
@@ -37,6 +57,7 @@ NAMES: dict[str, tuple[tuple[str, str, str], tuple[str, str, str] | None]] = {
     "endings": (("time_s", "temperature_1_degC", "heater_1_pct"), None),
     "parentheses": (("Time (s)", "Temperature 1 (\N{DEGREE SIGN}C)", "Heater_1 (%)"), None),
     "a row of units": (("t", "temperature_1", "heater_1"), ("s", "degC", "%")),
+    "units in parentheses": (("Time", "temperature_1", "heater_1"), ("(s)", "(\N{DEGREE SIGN}C)", "(%)")),
 }
 #: between cells, and the decimal sign
 SIGNS = ((",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","))
@@ -233,3 +254,21 @@ def _read(path: Path, rig: Any) -> np.ndarray:
 def _same(got: np.ndarray, expected: Sequence[Sequence[float]]) -> bool:
     wanted = np.array(expected, dtype=float).reshape(-1, 3) * [1.0, 1.0, 0.01]
     return got.shape == wanted.shape and np.allclose(got, wanted, rtol=1e-9, atol=1e-9, equal_nan=True)
+
+
+def main() -> None:
+    """``make loggers``: as many files as asked; prints the count, and each that was read wrongly."""
+    asked = argparse.ArgumentParser(prog="python -m torture.logger_files", description=__doc__)
+    asked.add_argument("--files", type=int, default=10_000)
+    asked.add_argument("--seed", type=int, default=0)
+    given = asked.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = torture(Path(folder), given.files, given.seed)
+    verdict = f"REFUTED {len(found.failures)} times" if found.failures else f"not refuted ({given.files})"
+    refused = f"{found.refused} refused, {found.refused_though_readable} of them readable"
+    print(f"{verdict}: {len(FORMS)} forms; {found.read} read, {refused}", *found.failures, sep="\n")  # noqa: T201
+    sys.exit(bool(found.failures))
+
+
+if __name__ == "__main__":
+    main()
