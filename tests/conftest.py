@@ -161,6 +161,15 @@ def no_kept_results() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_waiting_for_the_disk() -> Iterator[None]:
+    """Files are not forced to the disk, which takes milliseconds each: no test takes the power away, and what
+    a killed process has written is in the system's memory. A closed file is refused as before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", os.fstat)
+        yield
+
+
 @pytest.fixture(scope="module")
 def shared_results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """For modules that run commands as users type them: fits are shared with the other such modules.
