@@ -161,7 +161,7 @@ def _plain_type(param: Any) -> Any:
     """The type of one value: int of ``list[int] | None``."""
     kind = getattr(getattr(param, "type_descriptor", None), "annotation", None)
     while get_origin(kind) is not None:
-        kind = next(one for one in get_args(kind) if one is not type(None))
+        kind = next((one for one in get_args(kind) if one is not type(None)), None)
     return kind
 
 
