@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,12 @@ from rigctl.model.fit.model_error import model_error
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
 from swing import WHITE, diagnosed, project, slow, white
+
+
+def compared(folder: Path) -> Any:
+    imported = import_file(folder / "log.csv", load_rig(folder / "rigs/swing.yaml"), folder / "runs")
+    (found,) = compare([open_run(imported.path)], [load_model(folder / "models/swing.yaml")]).models
+    return found
 
 
 def test_a_right_model_with_white_errors_is_adequate(tmp_path: Path) -> None:
@@ -76,6 +83,35 @@ def test_a_stated_noise_explains_slow_errors_up_to_its_size(tmp_path: Path) -> N
     found = diagnosed(tmp_path)
     assert found.verdict == "adequate"
     assert "that the rig file states" in found.statement
+    channel = found.document()["channels"]["position"]
+    assert channel["noise"] == pytest.approx(WHITE, rel=0.2)
+    assert (channel["noise_stated"], channel["noise_over"]) == (pytest.approx(0.0158, rel=0.01), 2.0)
+    assert "stated 0.016 m" in found.before.in_brief[0]
+    assert any("which the rig file states, count as noise" in one for one in found.notes)
+
+
+def test_a_stated_noise_that_is_slower_than_the_errors_is_not_asked_for_again(tmp_path: Path) -> None:
+    project(tmp_path, slow, stated="{white: 5 mm, slow: 15 mm, over: 200 s}")
+    found = compared(tmp_path)
+    assert found.adequacy.verdict is None
+    assert (
+        "states a noise of 0.016 m that changes over 200 s, but these errors change within" in found.statement
+    )
+    assert found.decided_by
+    assert not any("state the noise" in one for one in found.decided_by)
+
+
+def test_a_stated_noise_in_the_wrong_unit_is_all_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project(tmp_path, slow, stated="15 m")
+    monkeypatch.chdir(tmp_path)
+    told("import", "log.csv", "--rig", "rigs/swing.yaml")
+    text = told("compare", "latest", "--model", "models/swing.yaml")
+    assert "the rig file states 15 m, 950 times the 0.016 m that the model leaves" in text
+    assert text.count("Not decided") == 1
+    assert "decided by" not in text
+    assert "diagnose" not in text
 
 
 @pytest.mark.parametrize("stated", ["1 mm", "200 mm"])

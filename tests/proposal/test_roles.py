@@ -76,17 +76,27 @@ def test_names_say_what_the_data_cannot(tmp_path: Path, name: str, origin: str) 
     assert origins(with_roles(table, StatedRoles()))[name] == origin
 
 
-def test_related_columns_without_an_input_are_refused_with_the_options(tmp_path: Path) -> None:
-    """A damper: the force follows the speed at once, so that neither leads."""
+@pytest.mark.parametrize("failed", [slice(0), slice(100, 400)])
+def test_related_columns_without_an_input_are_refused_with_the_options(tmp_path: Path, failed: slice) -> None:
+    """A damper: the force follows the speed at once, so that neither leads; a sensor may have failed."""
     random = np.random.default_rng(3)
     speed = swell(random)
-    table = log(tmp_path, {"speed [m/s]": speed, "force [N]": 40.0 * np.tanh(1.5 * speed)})
+    force = 40.0 * np.tanh(1.5 * speed)
+    force[failed] = np.nan
+    table = log(tmp_path, {"speed [m/s]": speed, "force [N]": force})
     with pytest.raises(RigctlError, match="'speed' and 'force' change together") as caught:
         with_roles(table, StatedRoles())
     assert '--input "speed" or --input "force"' in str(caught.value)
     assert '--output "speed" --output "force"' in str(caught.value)
     free = with_roles(table, StatedRoles(outputs=["speed", "force"]))  # released: nothing drives them
     assert set(origins(free).values()) == {"output"}
+
+
+def test_a_few_readings_with_as_many_values_are_no_command(tmp_path: Path) -> None:
+    drive = 4.0 + np.sin(np.arange(11))
+    table = log(tmp_path, {"u [V]": drive, "y [V]": lagged(drive, 0.5)})
+    found = with_roles(table, StatedRoles(inputs=["u"]))
+    assert origins(found)["u"] == "unclear"
 
 
 def test_unrelated_outputs_need_no_input(tmp_path: Path) -> None:

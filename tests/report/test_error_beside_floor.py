@@ -43,6 +43,9 @@ def test_an_error_of_several_floors_is_never_within_the_noise(
     told("init", "--minimal")
     dryer(tmp_path / "log.csv")
     done = answer("family", "new", "dryer", "--csv", "log.csv", "--template", "second-order")
+    drafted = re.search(r"# noise: ([\d.]+) V", (tmp_path / done["rig"]).read_text(encoding="utf-8"))
+    assert drafted is not None
+    assert float(drafted[1]) == pytest.approx(FLOOR, rel=0.3)
     told("import", "log.csv", "--rig", done["rig"])
     text = told("diagnose", "latest", "--model", done["model"], "-o", "page.html")
     error, floor = map(float, re.search(r"error ([\d.]+) V, white noise ([\d.]+) V", text).groups())  # type: ignore[union-attr]

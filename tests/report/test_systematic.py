@@ -163,5 +163,6 @@ def test_other_parameters_are_shown_in_everyday_units(bench: Any) -> None:
     )
     friction = bench.model.effect("coulomb_friction")
     assert everyday(friction, "force", FoundParameter(98.1, "N", 1.0), bench) == "about the weight of 10 kg"
+    assert everyday(friction, "force", FoundParameter(-57.0, "N", 2.2), bench) == ""  # no weight
     lag = bench.model.effect("heater_lag")
     assert everyday(lag, "lag", FoundParameter(30.0, "s", 1.0), bench) == ""

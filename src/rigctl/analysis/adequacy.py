@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,13 +199,17 @@ def _within_noise_of_inputs(fit: FitResult, channel: ChannelNoise) -> bool:
 
 def within_statement(fit: FitResult, channel: ChannelNoise) -> bool:
     """Whether a channel's errors are no larger, and no faster, than the noise that the rig file states."""
-    error = fit.errors[channel.name]
-    if not channel.allowed or (_moves(fit, channel) and not error.r2 > LEAST_EXPLAINED):
-        return False
+    return channel.allowed > 0.0 and beyond_statement(fit, channel) == ""
+
+
+def beyond_statement(fit: FitResult, channel: ChannelNoise) -> Literal["", "unexplained", "larger", "faster"]:
+    """Why a channel's errors are not the noise that the rig file states; "" if they may be."""
+    if _moves(fit, channel) and not fit.errors[channel.name].r2 > LEAST_EXPLAINED:
+        return "unexplained"
     if not _no_larger(fit, channel, channel.allowed):
-        return False
+        return "larger"
     slow = channel.together * fit.problem.noise.spacing
-    return not channel.over or slow >= _FAST * channel.over
+    return "faster" if channel.over and slow < _FAST * channel.over else ""
 
 
 def _no_larger(fit: FitResult, channel: ChannelNoise, level: float) -> bool:

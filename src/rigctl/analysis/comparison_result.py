@@ -188,7 +188,9 @@ class ModelComparison:
         """What would tell slow noise from a missing effect; empty if that is decided."""
         if self.exact is not None and self.sensors is not None:
             return self.sensors.recalibration
-        return what_decides(self.fit, self.adequacy.unproven) if self.adequacy.undecided else ()
+        if not self.adequacy.undecided or self.adequacy.unusable:
+            return ()
+        return what_decides(self.fit, self.adequacy.unproven)
 
     @property
     def in_brief(self) -> tuple[str, ...]:
@@ -339,6 +341,8 @@ def _channel(
         "noise_share": noise.share or None,
         "noise_source": noise.source,
         "noise_standing": noise.standing,
+        "noise_stated": noise.allowed / parse_unit(unit).factor or None,
+        "noise_over": noise.over or None,
         "noise_floor": noise.floor / parse_unit(unit).factor or None,
         "noise_plateau": noise.plateau,
         "step": noise.step / parse_unit(unit).factor or None,
@@ -357,10 +361,13 @@ def _channel(
 def _in_brief(name: str, one: Mapping[str, Any]) -> str:
     """``speed: error 0.45 rad/s, white noise 0.024 rad/s, fit 93.1 % (R²)``."""
     share = one["noise_share"]
-    what = "white noise" if one["noise_standing"] == "floor" else "noise"
-    bound = "at most " if one["noise_standing"] == "floor" and not one["noise_plateau"] else ""
+    white = one["noise_source"] == "floor"
+    what = "white noise" if white else "guessed noise" if one["noise_standing"] == "guess" else "noise"
+    bound = "at most " if white and not one["noise_plateau"] else ""
     noise = f"{significant(100.0 * share, 2)} %" if share else f"{significant(one['noise'], 2)} {one['unit']}"
     text = f"{name}: error {significant(one['rmse'], 3)} {one['unit']}, {what} {bound}{noise}"
+    if one["noise_stated"]:
+        text += f", stated {significant(one['noise_stated'], 2)} {one['unit']}"
     return text if one["r2"] is None else f"{text}, fit {_per_cent(one['r2'])} (R²)"
 
 

@@ -205,6 +205,8 @@ def _undecided_by_bound(
 
 def _decided_by(before: ModelComparison, verdict: Verdict) -> tuple[str, ...]:
     """What would decide what is open: slow noise or an effect, a sensor or an effect."""
+    if before.adequacy.unusable:
+        return ()
     if verdict is Verdict.UNDECIDED:
         return what_decides(before.fit, before.adequacy.unproven)
     return before.decided_by if before.explained_by else ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rigctl.analysis.adequacy import beyond_statement
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import ChannelNoise, correlation_time, even_pieces
 from rigctl.units import show
@@ -70,7 +71,8 @@ def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
     spacing = fit.problem.noise.spacing
     longest = max(_alike(fit, name) for name in channels)
     rest = max(_TIMES * longest, _SAMPLES) * spacing
-    stated = ", ".join(channels)
+    noise = {channel.name: channel for channel in fit.problem.noise.channels}
+    unstated = ", ".join(name for name in channels if not noise[name].allowed)
     coarse = [one.name for one in fit.problem.noise.channels if one.name in channels and _from_steps(one)]
     finer = "in finer steps: with a smaller range, or a converter with more bits"
     return (
@@ -78,14 +80,22 @@ def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
         f"record {show(_rounded(rest), 's')} with every input constant, after the bench has come to rest, at "
         "the same sampling rate: it shows the slow part of the noise",
         "repeat one record with the same commands: what differs between the two is noise",
-        f"state the noise of {stated} in the rig file, if you know it: "
-        "'noise: {white: …, slow: …, over: …}'",
+        *(
+            [
+                f"state the noise of {unstated} in the rig file, if you know it: "
+                "'noise: {white: …, slow: …, over: …}'"
+            ]
+            if unstated
+            else []
+        ),
     )
 
 
 def _channel_text(fit: FitResult, channel: ChannelNoise) -> str:
     error, unit = fit.errors[channel.name], _unit(fit, channel)
     left = f"of {channel.name} an error of {show(error.rmse, unit, difference=True, digits=2)} is left"
+    if channel.allowed:
+        return f"{left}; {_beyond_statement(fit, channel, unit)}"
     if not channel.floor:
         return f"{left}, and too few readings show its noise"
     floor = show(channel.floor, unit, difference=True, digits=2)
@@ -99,6 +109,19 @@ def _channel_text(fit: FitResult, channel: ChannelNoise) -> str:
             f"{left}, as large as the steps of {step} make it in which it is read, and as slow as the signal"
         )
     return f"{left}, as large as its white noise of {bound}{floor}, but not white"
+
+
+def _beyond_statement(fit: FitResult, channel: ChannelNoise, unit: str) -> str:
+    """Why the noise that the rig file states does not explain the errors of a channel."""
+    stated = f"the rig file states a noise of {show(channel.allowed, unit, difference=True, digits=2)}"
+    beyond = beyond_statement(fit, channel)
+    if beyond == "faster":
+        seconds = show(channel.together * fit.problem.noise.spacing, "s", digits=2)
+        over = show(channel.over, "s", digits=2)
+        return f"{stated} that changes over {over}, but these errors change within {seconds}"
+    if beyond == "larger":
+        return f"{stated}, but these errors are larger"
+    return f"{stated}, but the model hardly follows the readings"
 
 
 def _from_steps(channel: ChannelNoise) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel
+from rigctl.units import significant
 
 _FROM = {
     "replicates": "differences between replicates and quiet stretches",
@@ -31,7 +32,7 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
     if noise.step > 0.5 * noise.sigma:
         parts.append(f"converter steps of {noise.step / noise.sigma:.1f} sigma")
     if noise.allowed:
-        parts.append("errors up to the noise that the rig file states count as noise")
+        parts.append(_allowed(noise))
     if noise.remark:
         parts.append(noise.remark)
     if noise.masked:
@@ -59,11 +60,19 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
         why = " and ".join(dict.fromkeys(_FROM[channel.source] for channel in guessed))
         parts.append(f"only guessed for {which}, from {why}")
     parts += [f"that of {channel.name} {_growth(channel)}" for channel in channels if channel.law is not None]
+    parts += [f"for {channel.name}, {_allowed(channel)}" for channel in channels if channel.allowed]
     parts += [f"of {channel.name} {channel.remark}" for channel in channels if channel.remark]
     masked = sum(channel.masked for channel in channels)
     if masked:
         parts.append(_spikes(masked))
     return "Noise: " + "; ".join(parts)
+
+
+def _allowed(noise: ChannelNoise) -> str:
+    """Which errors count as noise by the rig file; in floors, since units are unknown here."""
+    times = f"{significant(noise.allowed / noise.floor, 2)} times that" if noise.floor else "the noise"
+    slowly = f" if they change over {significant(noise.over, 2)} s or so" if noise.over else ""
+    return f"errors up to {times}, which the rig file states, count as noise{slowly}"
 
 
 def _growth(noise: ChannelNoise) -> str:

@@ -173,13 +173,18 @@ def _levels(values: Floats) -> int:
     return int(np.unique(np.round(values[np.isfinite(values)], 9)).size)
 
 
+def _has_few_levels(values: Floats) -> bool:
+    """Whether there are few values, and few for so many readings."""
+    return _levels(values) <= max(2, min(_FEW, int(_LEVELS * values.size)))
+
+
 def _with_origin(column: Column, table: Table, stated: Origin | None) -> Column:
     """An input with its origin. A command with a few levels holds between samples; of one that changes from
     sample to sample, such as a multisine or a controller's output, a line is closer to what acted."""
     if column.role != "input":
         return column
     origin, why = (stated, "as you say") if stated is not None else _origin_of(column, table)
-    switched = origin == "commanded" and table.times is not None and _levels(column.values) <= _FEW
+    switched = origin == "commanded" and table.times is not None and _has_few_levels(column.values)
     held = column.stepped or switched
     reason = column.reason if why in ("", column.reason) else f"{column.reason}; {why}"
     return replace(column, origin=origin, reason=reason, stepped=held)
@@ -193,7 +198,7 @@ def _origin_of(column: Column, table: Table) -> tuple[Origin, str]:
         (column.stepped, "commanded", ""),
         (_is_named_command(column.name), "commanded", "commanded, by its name"),
         (table.times is None, "measured", ""),  # a setting of a table acts as it was read
-        (_levels(values) <= _FEW, "commanded", f"commanded: it has only {_levels(values)} values"),
+        (_has_few_levels(values), "commanded", f"commanded: it has only {_levels(values)} values"),
         (_is_broad(values, table), "commanded", "commanded: unrelated to its own past"),
     ]
     return next(
@@ -292,12 +297,16 @@ def _require_input(columns: Sequence[Column], table: Table, roles: Mapping[str, 
 def _related(one: Column, other: Column, table: Table) -> bool:
     """Whether the changes of a column follow from those of the other, within some samples either way."""
     rows = max(table.pieces, key=len)
-    first, second = (_normed(np.diff(column.values[rows])) for column in (one, other))
+    first, second = (np.diff(column.values[rows]) for column in (one, other))
     if first.size < 4 * _REACH:
         return False
     shifts = range(-_REACH, _REACH + 1)
     matrix = np.column_stack([np.roll(first, shift) for shift in shifts])[_REACH:-_REACH]
     target = second[_REACH:-_REACH]
+    known = np.isfinite(target) & np.isfinite(matrix).all(axis=1)  # a missing value is no standstill
+    if known.sum() < 2 * _REACH:
+        return False
+    matrix, target = matrix[known] - np.mean(matrix[known], axis=0), target[known] - np.mean(target[known])
     solution, *_ = np.linalg.lstsq(matrix, target, rcond=1e-6)
     rest = target - matrix @ solution
     chance = len(shifts) / target.size

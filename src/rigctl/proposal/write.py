@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from rigctl.noise import even_pieces, white_floor
 from rigctl.proposal.columns import Column, Table
 from rigctl.proposal.draft import Draft, amount
 from rigctl.proposal.from_columns import duration
@@ -179,7 +180,8 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
         scatter = _scatter(column, table)
         if scatter > 0.0:
             size = amount(scatter, column.interval, difference=True)
-            yield f"    # noise: {size}      # of one reading, by its neighbours; the simulated bench adds it"
+            yield f"    # noise: {size}      # its white part. A number stated here counts in verdicts;"
+            yield "    # the simulated bench adds it. Slow noise: {white: …, slow: …, over: …}"
     yield ""
     if not commands:
         yield "actuators: {}    # nothing is commanded; what comes from outside is measured"
@@ -223,11 +225,13 @@ def quantity_of(unit: str) -> str:
 
 
 def _scatter(column: Column, table: Table) -> float:
-    """Standard deviation of a reading by the differences of neighbours' differences, robust, SI."""
-    bends = [np.diff(column.values[rows], 2) for rows in table.pieces] if column.values.size else []
-    every = np.concatenate(bends) if bends else np.empty(0)
-    every = every[np.isfinite(every)]
-    return float(1.4826 * np.median(np.abs(every)) / np.sqrt(6.0)) if every.size > 10 else 0.0
+    """The white part of a reading's noise, SI; 0 where the readings do not measure it."""
+    if table.times is None or not column.values.size:
+        return 0.0
+    spacing = 1.0 / _rate(table)
+    pieces = [p for r in table.pieces for p in even_pieces(table.times[r], column.values[r], spacing)]
+    found = white_floor(pieces)
+    return found.sigma if found is not None and found.measured else 0.0
 
 
 def _reach(column: Column) -> tuple[float, float]:

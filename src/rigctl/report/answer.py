@@ -7,13 +7,14 @@ left. The page and the terminal show the same; the evidence follows in technical
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.model.fit.fit import FitResult
+from rigctl.noise import Standing
 from rigctl.report.numbers import plural
 from rigctl.report.systematic import ChannelFall, falls, left_of
 from rigctl.units import significant
@@ -65,6 +66,24 @@ def comparison_answer(model: ModelComparison) -> Answer:
 def fit_text(model: ModelComparison) -> str:
     """Error, noise and fit (R²) of every channel; "" for a table, whose values are listed."""
     return "" if model.rows else "; ".join(model.in_brief)
+
+
+def noise_known_from(channel: Mapping[str, Any]) -> str:
+    """From what the noise of a channel of `ModelComparison.channels` is known; the number is its white part
+    where the rig file states more."""
+    if channel["noise_source"] == "floor" and channel["noise_stated"]:
+        return f"its white part; the rig file states {significant(channel['noise_stated'], 2)}"
+    if channel["noise_standing"] == "floor" and not channel["noise_plateau"]:
+        return "its white part at most"
+    return _STANDINGS[channel["noise_standing"]]
+
+
+_STANDINGS: dict[Standing, str] = {
+    "measured": "rest or replicates",
+    "stated": "the rig file",
+    "floor": "its white part alone",
+    "guess": "a guess",
+}
 
 
 def models_answer(models: Sequence[ModelComparison]) -> Answer:

@@ -28,7 +28,7 @@ def everyday(effect: Effect, name: str, parameter: FoundParameter, problem: Prob
         return _leak(value, problem)
     if unit.dimension == parse_unit("1/K").dimension and unit.dimension != parse_unit("1").dimension:
         return f"about {significant(100.0 * value * _WARMER, 2)} % for each {_WARMER:g} K"
-    if unit.dimension == parse_unit("N").dimension and abs(value) > _LEAST_FORCE:
+    if unit.dimension == parse_unit("N").dimension and value > _LEAST_FORCE:
         return f"about the weight of {significant(value / _WEIGHT, 2)} kg"
     return ""
 

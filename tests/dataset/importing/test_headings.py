@@ -135,6 +135,8 @@ def test_a_column_of_dates_is_the_time_whatever_its_name(tmp_path: Path, motor: 
         ("data", False),
         ("times", False),
         ("t", True),
+        ("Zeit_s [s]", True),
+        ("lag_s [s]", False),
         ("Fecha/hora", False),
         ("\u010cas [s]", True),
     ],

@@ -239,6 +239,8 @@ def _lead_on(
     own = [word for other in others for word in ("--model", other)] + ["--no-fit"] * (not fit)
     page = page_of("compare", runs, first, choice, *own)
     diagnosis = analysis("diagnose", runs, models[-1], choice)
+    if comparison.models[-1].adequacy.unusable:
+        return  # the answer says which number is to be corrected, and nothing can be found before
     if comparison.models[-1].adequate and comparison.models[-1].rows:
         show_next(diagnosis, "shows what so few values can tell, and what to measure next")
     elif comparison.models[-1].adequacy.undecided:

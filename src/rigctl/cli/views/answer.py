@@ -24,7 +24,7 @@ def show_answer(answer: Answer, *, title: str = "", more: Sequence[str] = ()) ->
     out, colour = console(), _COLOURS[answer.tone]
     show_first(answer.first)
     head = title or answer.title
-    if head == "-":
+    if head == "-" or answer.sentence.startswith(head):
         out.print(f"[bold {colour}]{escape(answer.sentence)}[/]", soft_wrap=True)
     else:
         out.print(f"[bold {colour}]{escape(head)}[/]: {escape(answer.sentence)}.", soft_wrap=True)

@@ -16,7 +16,7 @@ from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer, show_first
 from rigctl.cli.views.table import show_rows
 from rigctl.model.validity import Departure
-from rigctl.report.answer import models_answer
+from rigctl.report.answer import models_answer, noise_known_from
 from rigctl.report.numbers import resolved
 from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import significant
@@ -210,7 +210,7 @@ def _channels(model: ModelComparison) -> Table:
             f"{one['nrmse']:.3f}",
             "" if one["noise_source"] == "floor" else f"{one['chi2_reduced']:.3f}",
             _shown(one["r2"], ".5f"),
-            one["noise_source"],
+            noise_known_from(one),
             str(one["masked"] or ""),
         )
     return grid

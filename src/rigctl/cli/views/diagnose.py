@@ -144,7 +144,8 @@ def _show_verdict(diagnosis: Diagnosis) -> None:
     colour = "bright_black" if diagnosis.doubt else _COLOURS[diagnosis.verdict]
     title = f"[bold {colour}]{escape(_title(diagnosis))}[/]"
     show_first(diagnosis.first)
-    console().print(f"{title}: {escape(diagnosis.statement)}.", soft_wrap=True)
+    said = escape(diagnosis.statement)
+    console().print(said + "." if said.startswith(diagnosis.title) else f"{title}: {said}.", soft_wrap=True)
     for line in () if diagnosis.before.rows else diagnosis.before.in_brief:
         console().print(f"  {escape(line)}", soft_wrap=True)
     for line in diagnosis.decided_by:

@@ -175,6 +175,8 @@ def time_unit(name: str, unit: str | None) -> tuple[bool, str | None]:
         return False, None
     if ending is not None and not _is_of_time(ending):
         return False, None
+    if unit is not None and split_ending(name)[1] == unit:  # Zeit_s [s] says its unit twice
+        plain = split_ending(name)[0]
     key = _key(plain)
     if key not in _TIMES or (name.strip() == "T" and unit is None):
         return False, None

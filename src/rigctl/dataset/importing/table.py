@@ -191,7 +191,11 @@ def refuse(path: Path, faults: Sequence[Fault], count: int, *, imports: bool = T
     imports: by `rigctl import`, which alone can leave rows out.
     """
     listed = [fault.error(path) for fault in faults[:_LISTED]]
-    hint = "'--keep-good' imports the other rows" if imports else "Correct these rows, or leave them out"
+    hint = (
+        "'rigctl import --keep-good' imports the other rows"
+        if imports
+        else "Correct these rows, or leave them out"
+    )
     if any(fault.what == NOT_INCREASING for fault in faults):
         hint += "; '--times drop', 'spread' or 'split' deals with these times"
     elif any(fault.what == GOES_BACK for fault in faults):

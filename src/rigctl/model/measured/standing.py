@@ -41,6 +41,7 @@ from rigctl.noise.channel_noise import ChannelData, learn_noise
 from rigctl.noise.pooling import Pooled, pool
 from rigctl.noise.windows import LENGTH, TREND_ORDER, contrasts, cut_windows, window_pieces
 from rigctl.rig.stated_noise import StatedNoise
+from rigctl.units import show, significant
 
 Floats = NDArray[np.float64]
 
@@ -261,7 +262,8 @@ class _Evidence:
             if shown is None or by_statement.allowed:
                 return by_statement
         if shown is not None:
-            return shown if stated is None else _beside(shown, _total(stated))
+            unit = self.measurements.units[index]
+            return shown if stated is None else _beside(shown, _total(stated), unit)
         return channel if channel.own_scale else _floor_only(channel)
 
     def _shown(self, index: int, channel: ChannelNoise) -> ChannelNoise | None:
@@ -355,10 +357,16 @@ class _Evidence:
         remark, factor = "", 1.0
         if left < _BELOW * total:
             factor = total / left if left else math.inf
-            remark = f"the rig file states {_times(factor)} what the model leaves, which contradicts it"
+            remark = (
+                f"the rig file states {self._shown_as(index, total)}, {_times(factor)} the "
+                f"{self._shown_as(index, left)} that the model leaves, which contradicts it"
+            )
         elif channel.plateau and channel.floor > _ABOVE * white:
             factor = channel.floor / white if white else math.inf
-            remark = f"its white noise alone is {_times(factor)} what the rig file states"
+            remark = (
+                f"its white noise of {self._shown_as(index, channel.floor)} alone is {_times(factor)} the "
+                f"{self._shown_as(index, white)} that the rig file states"
+            )
         new = _floor_only(channel, remark)
         if not new.own_scale:  # nothing is measured: the statement is all that is known, as it was taken
             return channel
@@ -366,6 +374,10 @@ class _Evidence:
             return replace(new, unusable=factor > _UNUSABLE)
         new = replace(new, allowed=total, over=over)
         return new.stated(channel_statement(new, None))
+
+    def _shown_as(self, index: int, size: float) -> str:
+        """A size (SI) in the unit of a channel."""
+        return show(size, self.measurements.units[index], difference=True, digits=2)
 
 
 def _total(stated: StatedNoise | float) -> float:
@@ -380,19 +392,23 @@ def _slower_than_rest(stated: StatedNoise | float, shown: ChannelNoise) -> bool:
     return 1.0 < _SHOWN * _total(stated) / shown.sigma < _MOST_SLOW
 
 
-def _beside(shown: ChannelNoise, total: float) -> ChannelNoise:
+def _beside(shown: ChannelNoise, total: float, unit: str) -> ChannelNoise:
     """A noise that the data show, beside a stated one: with neither, if the two are as far apart as units."""
     factor = max(shown.sigma / total, total / shown.sigma)
     if factor <= _UNUSABLE:
         return shown
     more = "more" if total > shown.sigma else "less"
-    remark = f"the rig file states {_times(factor)} {more} than the readings at rest show"
+    numbers = [show(one, unit, difference=True, digits=2) for one in (total, shown.sigma)]
+    remark = (
+        f"the rig file states {numbers[0]}, {_times(factor)} {more} than the {numbers[1]} that the "
+        "readings at rest show"
+    )
     new = replace(shown, remark=remark, unusable=True)
     return new.stated(channel_statement(new, None))
 
 
 def _times(factor: float) -> str:
-    return f"{factor:.2g} times"
+    return f"{significant(factor, 2)} times"
 
 
 def _steady_windows(measurements: Measurements) -> list[list[tuple[int, int]]]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from markupsafe import Markup
 
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.record_level import RecordQuantity
-from rigctl.noise import Standing
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records
@@ -19,7 +17,7 @@ from rigctl.report.analysis.page_top import NamedModels, answer_section
 from rigctl.report.analysis.residual_plot import residual_plots
 from rigctl.report.analysis.stroke_over_temperature import stroke_plot
 from rigctl.report.analysis.table_section import TablePart, table_body, table_parts
-from rigctl.report.answer import models_answer, plain_statement
+from rigctl.report.answer import models_answer, noise_known_from, plain_statement
 from rigctl.report.heat_map import heat_map_table
 from rigctl.report.model_title import model_title
 from rigctl.report.numbers import prose, symbol
@@ -142,7 +140,7 @@ def _model(model: ModelComparison) -> dict[str, object]:
             **one,
             "name": plain_name(titles.get(name, name)),
             "unit": symbol(str(one["unit"])),
-            "known": _known(one),
+            "known": noise_known_from(one),
         }
         for name, one in model.channels().items()
     ]
@@ -166,21 +164,6 @@ def _model(model: ModelComparison) -> dict[str, object]:
             if one.statement and one.statement not in model.statement
         ],
     }
-
-
-def _known(channel: Mapping[str, Any]) -> str:
-    """What the noise of a channel is known from."""
-    if channel["noise_standing"] == "floor" and not channel["noise_plateau"]:
-        return "its white part at most"
-    return _STANDINGS[channel["noise_standing"]]
-
-
-_STANDINGS: dict[Standing, str] = {
-    "measured": "rest or replicates",
-    "stated": "the rig file",
-    "floor": "its white part alone",
-    "guess": "a guess",
-}
 
 
 def _record_quantity(one: RecordQuantity) -> dict[str, object]:
