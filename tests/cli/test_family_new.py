@@ -356,7 +356,14 @@ def test_agreement_is_claimed_after_adding_an_effect_only_if_compare_confirms_it
 
 
 @pytest.mark.parametrize(
-    "heading", ["time_s,voltage_V,speed_rpm", "Time,Voltage (V),Speed/rpm", "t [s],u [V],n [rpm]"]
+    "heading",
+    [
+        "time_s,voltage_V,speed_rpm",
+        "Time,Voltage (V),Speed/rpm",
+        "t [s],u [V],n [rpm]",
+        "time/s,u/V,omega/(rad/s)",
+        "seconds,volts,RPM",
+    ],
 )
 def test_the_two_lines_of_the_readme_work_on_a_log_as_loggers_write_it(empty: Path, heading: str) -> None:
     """Without a name or a unit given by hand."""

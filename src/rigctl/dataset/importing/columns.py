@@ -263,7 +263,8 @@ def _known_name(heading: Heading, rig: Rig | None) -> tuple[str, str | None]:
     """
     known = _names(rig)
     plain, ending = split_ending(heading.name) if heading.unit is None else (heading.name, None)
-    for name, unit in ((heading.name, heading.unit), (plain, ending)):
+    own = ending if heading.unit is None and plain == heading.name else heading.unit  # 'rpm' is both
+    for name, unit in ((heading.name, own), (plain, ending)):
         match = next((ours for ours in known if folded(ours) == folded(name)), None)
         # names that a formula cannot use are written differently in a rig file drafted from this log
         key = identifier(name)

@@ -98,6 +98,15 @@ _ENDINGS: Final = frozenset(
         "kg rad deg pct percent lpm"
     ).split()
 )
+#: columns whose whole name is a unit, which is also kept as their name: rpm
+_NAMED_AS_UNIT: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("volt", "volts", "vdc"), "V"),
+    **dict.fromkeys(("amp", "amps"), "A"),
+    "rpm": "rpm",
+    "mbar": "mbar",
+    "kpa": "kPa",
+    "degc": "degC",
+}
 _ENDING: Final = re.compile(r"(?P<name>.*[^\s_])[ _](?P<unit>[A-Za-z%]+)")
 #: words in the name of a rotating quantity
 _TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
@@ -158,7 +167,12 @@ def folded(name: str) -> str:
 
 
 def split_ending(name: str) -> tuple[str, str | None]:
-    """Split ``speed_rpm`` into a name and its unit, None for a name that does not end in a unit."""
+    """Split ``speed_rpm`` into a name and its unit, None for a name that does not end in a unit.
+
+    ``rpm`` and ``volts`` are a name and a unit at once.
+    """
+    if own := _NAMED_AS_UNIT.get(name.strip().casefold()):
+        return name, own
     match = _ENDING.fullmatch(name.strip())
     if match is None or match["unit"] not in _ENDINGS:
         return name, None
