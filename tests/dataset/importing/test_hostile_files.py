@@ -50,6 +50,8 @@ def refusal(path: Path, rig: Rig, **how: Any) -> str:
         ("time [s],position [mm]\n0,1\n1,2\r3\n", ":3:3: position: not a number, got '2\u240d3'"),
         ("time [s],position [mm]\n0,1\n1,'\x00'\n", ":3:3: position: not a number"),
         ('time [s],position [mm]\n0,1\n1,"2\n2,3\n', ":3: position: a quote is not closed"),
+        ('time [s],position [mm]\n0,1\n1,"2\n', ":3: position: a quote is not closed"),
+        ('time [s],position [mm]\n0,1\n1,"2', ":3: position: a quote is not closed"),
         ("time [s],position [mm]\n" + "x" * (1 << 21), "2: the line is longer than 1 MiB"),
         ("#" * (1 << 21), "1: the line is longer than 1 MiB"),
         ("time [s],position [mm]\n0," + "1" * 200_000, ":2: wrong number of cells"),

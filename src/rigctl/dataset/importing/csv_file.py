@@ -112,6 +112,8 @@ class CsvFile:
         body = piece.rstrip(b"\r\n")
         if not body or body.startswith(b"#") or b"\n#" in body:  # a comment, or a mark such as #N/A
             return None
+        if body.count(b'"', body.rfind(b"\n") + 1) % 2:  # the file may be cut off within a cell
+            return None
         if self.cells.delimiter == " ":
             body = re.sub(rb"(?m)^ +| +(?=\r?$)", b"", re.sub(rb"[ \t]+", b" ", body))
         times = self.cells.time if clock is not None else ()

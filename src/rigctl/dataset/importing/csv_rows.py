@@ -131,6 +131,8 @@ def split_rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, lis
         return
     # a carriage return inside a row does not end it, and remains visible in its cell
     shown = _BARE_RETURN.sub("\N{SYMBOL FOR CARRIAGE RETURN}", text)
+    if not shown.endswith("\n"):
+        shown += "\n"  # which is in the last cell if its quote is not closed, as in a file that was cut off
     reader = csv.reader(io.StringIO(shown, newline=""), delimiter=delimiter)
     while True:
         line = first + reader.line_num
