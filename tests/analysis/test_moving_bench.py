@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from commands import answer, told
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.analysis.undecided import what_decides
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
 from rigctl.errors import RigctlError
@@ -19,6 +21,37 @@ from rigctl.model.fit.model_error import model_error
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
 from swing import WHITE, diagnosed, project, slow, white
+
+#: a straight line through a damper's force
+DAMPER = {
+    "families/d.yaml": """
+family: d
+title: Damper
+source: a drawing
+inputs: {speed: {value: 0 m/s, meaning: commanded}}
+parameters:
+  rest: {value: 0 N, bounds: [-900 N, 900 N], meaning: at rest}
+  gain: {value: 1 N*s/m, bounds: [-100 N*s/m, 100 N*s/m], meaning: of the speed}
+outputs:
+  force: {unit: N, formula: rest + gain*speed, meaning: as measured}
+""",
+    "rigs/d.yaml": """
+name: d
+model: families/d.yaml
+channels:
+  force: {unit: N, quantity: force}
+actuators: {speed: {kind: level, unit: m/s, low: -50 m/s, high: 50 m/s}}
+safe_state: {speed: 0 m/s}
+""",
+    "models/d.yaml": """
+model: families/d.yaml
+rig: rigs/d.yaml
+parameters:
+  rest: {value: 0 N, fit: true}
+  gain: {value: 1 N*s/m, fit: true}
+""",
+    "rigctl.toml": "",
+}
 
 
 def compared(folder: Path) -> Any:
@@ -76,6 +109,49 @@ def test_an_effect_with_which_the_misfit_collapses_is_named_whatever_the_noise(
     assert found.effects == ("cubic_stiffness_on_v",)
     size = next(one for one in found.ranking if one.effect in found.effects).parameters["coefficient"]
     assert size.value == pytest.approx(0.6, abs=4.0 * size.std)
+
+
+def test_a_repeat_is_proposed_only_where_it_would_count_as_one(tmp_path: Path) -> None:
+    """Slow noise of 16 mm makes records that move through two metres start alike, and no others."""
+    project(tmp_path, slow)
+    found = compared(tmp_path)
+    assert any("repeat one record" in one for one in found.decided_by)
+    measurements = found.fit.problem.measurements
+    small = [replace(one, values=0.05 * one.values) for one in measurements.records]
+    problem = replace(found.fit.problem, measurements=replace(measurements, records=tuple(small)))
+    decides = what_decides(replace(found.fit, problem=problem), ["position"])
+    assert not any("repeat one record" in one for one in decides)
+
+
+def test_a_fit_that_starts_at_four_times_the_natural_frequency_locks_on(tmp_path: Path) -> None:
+    project(tmp_path, white)
+    model = tmp_path / "models/swing.yaml"
+    model.write_text(model.read_text("utf-8").replace("value: 4 N/m", "value: 58 N/m"), "utf-8")
+    found = compared(tmp_path)
+    assert found.fit.errors["position"].rmse == pytest.approx(WHITE, rel=0.1)
+    assert found.adequacy.verdict is True
+
+
+def test_a_fit_leaves_no_more_than_least_squares_with_the_same_parameters(tmp_path: Path) -> None:
+    """A damper with hysteresis: weights of falsely correlated noise once gave 44.8 N instead of 32.8 N."""
+    for name, text in DAMPER.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    rng, t = np.random.default_rng(5), np.arange(1000) * 0.005
+    speed = np.sin(9.0 * t + 2.0 * np.sin(1.1 * t)) * (8.0 + 5.0 * np.sin(0.7 * t))
+    bent = np.zeros(t.size)  # Bouc and Wen's hysteresis
+    for k in range(t.size - 1):
+        bent[k + 1] = bent[k] + 0.005 * (speed[k] - 0.5 * abs(speed[k]) * bent[k])
+    force = 4.0 * speed + 30.0 * bent + 0.8 * rng.standard_normal(t.size)
+    rows = np.column_stack([t, speed, force])
+    np.savetxt(tmp_path / "log.csv", rows, "%.6g", ",", header="time [s],speed [m/s],force [N]", comments="")
+    imported = import_file(tmp_path / "log.csv", load_rig(tmp_path / "rigs/d.yaml"), tmp_path / "runs")
+    model = load_model(tmp_path / "models/d.yaml")
+    (found,) = compare([open_run(imported.path)], [model]).models
+    basis = np.column_stack([np.ones(t.size), speed])
+    rest = force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]
+    assert found.fit.errors["force"].rmse <= 1.001 * float(np.sqrt(np.mean(rest**2)))
+    assert found.adequacy.verdict is not True
 
 
 def test_a_stated_noise_explains_slow_errors_up_to_its_size(tmp_path: Path) -> None:

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from rigctl.analysis.adequacy import beyond_statement
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.groups import SAME_START
 from rigctl.noise import ChannelNoise, correlation_time, even_pieces
 from rigctl.units import show
 
 #: a floor below this many times the error of rounding to a converter's steps is mostly that error
 _BY_STEPS = 1.1
 #: a rest shows a slow noise if it lasts this many times as long as the errors stay alike, ...
-_TIMES = 10.0
+_TIMES = 30.0
 #: ... and at least this many samples: several windows of the noise estimate
 _SAMPLES = 160
 
@@ -79,7 +82,11 @@ def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
         *([f"read {' and '.join(coarse)} {finer}"] if coarse else []),
         f"record {show(_rounded(rest), 's')} with every input constant, after the bench has come to rest, at "
         "the same sampling rate: it shows the slow part of the noise",
-        "repeat one record with the same commands: what differs between the two is noise",
+        *(
+            ["repeat one record with the same commands: what differs between the two is noise"]
+            if _repeatable(fit, channels)
+            else []
+        ),
         *(
             [
                 f"state the noise of {unstated} in the rig file, if you know it: "
@@ -89,6 +96,23 @@ def what_decides(fit: FitResult, channels: Sequence[str]) -> tuple[str, ...]:
             else []
         ),
     )
+
+
+def _repeatable(fit: FitResult, channels: Sequence[str]) -> bool:
+    """Whether a second record with the same commands would count as a repeat of one.
+
+    A measured input never takes the same course twice, and errors that are slow make records start apart, by
+    about √2 of them: where that exceeds what counts as the same start, two records are no replicates.
+    """
+    measurements = fit.problem.measurements
+    if any(record.along for record in measurements.records):
+        return False
+    for name in channels:
+        column = measurements.outputs.index(name)
+        values = np.concatenate([record.values[:, column] for record in measurements.records])
+        if math.sqrt(2.0) * fit.errors[name].rmse > SAME_START * float(np.nanmax(values) - np.nanmin(values)):
+            return False
+    return True
 
 
 def _channel_text(fit: FitResult, channel: ChannelNoise) -> str:

@@ -10,7 +10,7 @@ from rigctl.dataset.conditions import cluster
 from rigctl.model.measured.record import MeasuredRecord
 
 #: initial values closer than this, as a share of the channel's range, are the same
-_SAME_START = 0.02
+SAME_START = 0.02
 #: command times closer than this are the same, s
 _SAME_TIME = 0.05
 _DIGITS = 5
@@ -45,7 +45,7 @@ def _starts(records: Sequence[MeasuredRecord]) -> list[list[float]]:
         first = [first_reading(record, index) for record in records]
         present = [record.values[np.isfinite(record.values[:, index]), index] for record in records]
         every = np.concatenate(present) if present else np.empty(0)
-        width = _SAME_START * float(np.ptp(every)) if every.size else 0.0
+        width = SAME_START * float(np.ptp(every)) if every.size else 0.0
         columns.append([-1.0 if np.isnan(value) else value for value in cluster(first, width)])
     return [list(row) for row in zip(*columns, strict=True)]
 
