@@ -14,7 +14,7 @@ from typing import Any, Literal
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.model.fit.fit import FitResult
-from rigctl.noise import Standing
+from rigctl.noise import Source, Standing
 from rigctl.report.numbers import plural
 from rigctl.report.systematic import ChannelFall, falls, left_of
 from rigctl.units import significant
@@ -75,14 +75,19 @@ def noise_known_from(channel: Mapping[str, Any]) -> str:
         return f"its white part; the rig file states {significant(channel['noise_stated'], 2)}"
     if channel["noise_standing"] == "floor" and not channel["noise_plateau"]:
         return "its white part at most"
-    return _STANDINGS[channel["noise_standing"]]
+    standing: Standing = channel["noise_standing"]
+    return _KNOWN_FROM[channel["noise_source"] if standing == "measured" else standing]
 
 
-_STANDINGS: dict[Standing, str] = {
-    "measured": "rest or replicates",
+_KNOWN_FROM: dict[Source | Standing, str] = {
+    "replicates": "replicates",
+    "quiet": "quiet stretches",
+    "residuals": "residuals in windows",
+    "differences": "neighbouring readings",
     "stated": "the rig file",
     "floor": "its white part alone",
     "guess": "a guess",
+    "assumed": "a guess",
 }
 
 
