@@ -7,6 +7,7 @@ the stand-in of the two-heater board, or at the plant's own switch.
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +18,7 @@ from rigctl.backends.registry import create_backend
 from rigctl.backends.simulated.roles_plant import RolesPlant
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, parse_rig
+from rigctl.runner.snapshot import View
 from rigctl.testing import ScriptedClock, line_bench
 from run_workshop import Done, Workshop
 from tclab_board import MemoryPort, Sketch
@@ -58,12 +60,19 @@ class Stand:
         for time in times:
             self.clock.at(time, lambda: signal.raise_signal(number))
 
-    def run(self, steps: str, rig: Rig | None = None, **options: object) -> Done:
+    def run(
+        self,
+        steps: str,
+        rig: Rig | None = None,
+        *,
+        observer: Callable[[View], None] | None = None,
+        **options: object,
+    ) -> Done:
         chosen = rig or self.rig()
         make = {"lines": self._lines, "simulated": self._simulated, "emulated": self._emulated}[self.kind]
         backend = make(chosen, options)
         backend.open()
-        return self.workshop.run(steps, rig=chosen, backend=backend)
+        return self.workshop.run(steps, rig=chosen, backend=backend, observer=observer)
 
     def on_after(self, time: float) -> list[tuple[float, str, float]]:
         """Every output that was switched on after a time."""

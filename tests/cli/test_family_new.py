@@ -128,6 +128,20 @@ def steps(name: str, write: Callable[[float], float]) -> str:
     return "\n".join([name, *rows]) + "\n"
 
 
+@pytest.mark.parametrize(
+    ("least", "most", "ends"),
+    [("0", "12.0044", "low: 0 V, high: 12.01 V"), ("-12.0044", "0", "low: -12.01 V, high: 0 V")],
+)
+def test_the_drafted_limits_of_a_command_hold_its_own_data(
+    empty: Path, least: str, most: str, ends: str
+) -> None:
+    rows = [f"{0.1 * k:.1f},{most if 20 < k < 90 else least},{0.01 * k:.4f}" for k in range(200)]
+    (empty / "a.csv").write_text("\n".join(["time [s],drive [V],sensor [V]", *rows]) + "\n", encoding="utf-8")
+    done = answer("family", "new", "lag", "--csv", "a.csv", "--no-fit", "--commanded", "drive")
+    assert ends in (empty / done["rig"]).read_text(encoding="utf-8")
+    follow(done["next"][:1])
+
+
 def test_without_a_template_every_output_is_a_first_order_lag(empty: Path) -> None:
     def answer_of(t: float) -> float:
         return 0.5 if t < 2.0 else 0.5 + 3.0 * (1.0 - np.exp(-(t - 2.0) / 1.7))

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from bench_stand import Stand
+from rigctl.live import view
 from run_workshop import Workshop
 
 HEATING = """\
@@ -82,7 +83,7 @@ def test_an_output_that_nothing_confirms_is_reported_if_it_was_driven(
 
 
 def test_an_output_that_is_on_in_the_safe_state_and_that_nothing_confirms_is_warned_of(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A fan that the run never drives, or only to its safe value."""
     stand = Stand("lines", Workshop(tmp_path), monkeypatch)
@@ -97,11 +98,14 @@ def test_an_output_that_is_on_in_the_safe_state_and_that_nothing_confirms_is_war
         stand.port.sketch.always |= {"Q2 30.00": b"", "Q2 0.00": b""}
 
     stand.clock.at(0.0, silent)
-    done = stand.run("steps:\n  - set: {heater_2: 30 %}\n  - wait: 2 s\n", rig)
+    steps = "steps:\n  - set: {heater_2: 30 %}\n  - wait: 2 s\n"
+    with view(stand.workshop.plan(steps, rig)) as display:
+        done = stand.run(steps, rig, observer=display)
     assert (done.result.exit_code, done.result.unconfirmed) == (0, None)
     (warning,) = done.result.warnings
-    assert "nothing confirms that heater_2 30 %" in warning.message
+    assert warning.message == "nothing confirms the safe state of these outputs: heater_2 30 %; check them"
     assert warning.message in done.messages("note")
+    assert capsys.readouterr().err.count(warning.message) == 1
     assert any(
         "to a value that is not safe ends as failed" in text for text in rig.warnings(date(2026, 10, 1))
     )

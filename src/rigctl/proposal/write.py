@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 import numpy as np
 
@@ -190,7 +191,9 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
         yield "actuators:"
         for column in commands:
             low, high = _reach(column)
-            ends = f"low: {amount(low, column.unit)}, high: {amount(high, column.unit)}"
+            ends = (
+                f"low: {_end(low, column.unit, ROUND_FLOOR)}, high: {_end(high, column.unit, ROUND_CEILING)}"
+            )
             yield f"  {column.name}: {{kind: level, unit: {_quoted(column.unit)}, {ends}}}"
         yield ""
         yield "# where every actuator goes when anything is wrong"
@@ -246,6 +249,15 @@ def _reach(column: Column) -> tuple[float, float]:
         if low < high or low != zero
         else (zero, zero + column.display.factor)
     )
+
+
+def _end(value: float, unit: str, rounding: str) -> str:
+    """An end of a range, SI, of four digits and rounded outwards, so that the range holds its own data.
+
+    The six digits before that keep a conversion to SI and back from adding a step: 70.000000001 is 70.
+    """
+    shown = f"{parse_unit(unit).from_si(value):.6g}"
+    return amount_of(float(Context(prec=4, rounding=rounding).create_decimal(shown)), unit)
 
 
 def _safe(column: Column) -> float:

@@ -263,8 +263,9 @@ class _Session:
         """Warn of outputs that should be on in the safe state, where nothing shows whether they are."""
         trusted = self._bench.safe_on_trust
         if trusted is not None:
-            message = f"nothing confirms that {trusted}, as the safe state requires: look whether it is"
+            message = f"nothing confirms the safe state of these outputs: {trusted}; check them"
             self._bench.event("note", message)
+            self._sampling.note(self._bench.now, "note", message)
             yield RunWarning(self._bench.now, -1, message)
 
     def _arm(self, driver: Driver) -> None:

@@ -411,6 +411,15 @@ def test_a_command_beyond_the_limits_of_its_actuator_is_refused(importer: Import
     assert importer.bring_in(LEVELS + "\n".join(rows) + "\n", keep_good=True).left_out == 1
 
 
+def test_a_command_at_its_limit_may_be_rounded_in_another_unit(importer: Importer) -> None:
+    """55 bar is 797.7076 psi."""
+    heading = "time [s],oil_temperature [degC],pressure_setpoint [psi]\n"
+    rows = [f"{k},{40 + 0.1 * k},{psi}" for k, psi in enumerate([797.71, 400.0] * 6)]
+    assert importer.refusal(heading + "\n".join(rows).replace("797.71", "798.5") + "\n")
+    done = importer.bring_in(heading + "\n".join(rows) + "\n")
+    assert np.nanmax(open_run(done.path).signals("relief_valve")) == pytest.approx(55e5, rel=1e-5)
+
+
 def test_a_mark_of_a_missing_value_is_no_command(importer: Importer) -> None:
     rows = [f"{k},{40 + 0.1 * k},{-9999 if k == 7 else 20 + 30 * (k % 2)}" for k in range(12)]
     done = importer.bring_in(LEVELS + "\n".join(rows) + "\n")

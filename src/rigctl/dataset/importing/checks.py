@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 #: largest plausible time, s: three centuries, even if time zero is the year 1904
 LATEST: Final = 1e10
-#: error of a conversion of units, as a share of a channel's range
-_ROUNDING: Final = 1e-9
+#: error of a number that was rounded, converted between units or stored in 32 bits, as a share of the range
+_ROUNDING: Final = 1e-4
 
 
 @dataclass(frozen=True)
@@ -261,7 +261,7 @@ def impossible(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.bool
         if np.isfinite(high - low)
         else max(abs(end) for end in column.possible if np.isfinite(end))
     )
-    slack = _ROUNDING * span  # of the file's unit
+    slack = _ROUNDING * span
     return np.asarray(np.isfinite(values) & ((values < low - slack) | (values > high + slack)))
 
 
