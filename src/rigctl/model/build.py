@@ -49,7 +49,7 @@ def build_system(
     oil: instead of the rig's.
     own_effects: a user's effects, which may then be named in `effects`.
     unrecorded: inputs to which the parameter of that name of the effect `record` is added.
-    read_wrong: errors of calibrations, parameters of an effect; those of inputs are taken off their readings.
+    read_wrong: errors of inputs' calibrations, parameters of an effect, taken off their readings.
 
     Raises
     ------

@@ -15,6 +15,7 @@ Source: JCGM 100:2008 (GUM), 3.2 and F.2.4.5, systematic effects of a calibratio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -80,7 +81,14 @@ class ReadingError:
         """The unknown, with its prior."""
         reach = _FAR * self.std
         return Unknown(
-            self.name, 0.0, -reach, reach, scale=self.std, prior=Prior(0.0, self.std), unit=self.unit
+            self.name,
+            0.0,
+            -reach,
+            reach,
+            scale=self.std,
+            prior=Prior(0.0, self.std),
+            unit=self.unit,
+            linear=True,
         )
 
     def acts_in(self, run: str) -> bool:
@@ -175,7 +183,11 @@ def _calibrations(
 
 
 def calibration_effect(family: ModelFamily, errors: Sequence[ReadingError]) -> Effect:
-    """The errors as parameters of a system; those of outputs act on its readings, not in its equations."""
+    """The errors as parameters of a system; those of outputs act on its readings, not in its equations.
+
+    Their sizes are those of the unknowns: a system is the same for all runs with errors of these names, and
+    compiled once.
+    """
     return Effect(
         name=CALIBRATION,
         family=family.name,
@@ -184,7 +196,7 @@ def calibration_effect(family: ModelFamily, errors: Sequence[ReadingError]) -> E
         source="JCGM 100:2008 (GUM)",
         looks_like="A channel reads too high or too low, in all records alike.",
         parameters=tuple(
-            EffectParameter(one.parameter, one.unit, 0.0, one.std, -_FAR * one.std, _FAR * one.std,
+            EffectParameter(one.parameter, one.unit, 0.0, 1.0, -math.inf, math.inf,
                             f"error of the {one.part} of {one.channel}", difference=True)
             for one in errors
         ),

@@ -15,6 +15,8 @@ from rigctl.files.quantity import Q
 from rigctl.rig.base import IsoDate, Part
 
 _BISECTIONS = 60
+#: how many of zero, gain and curvature a calibration of each kind leaves uncertain
+_PARTS = {"point": 1, "line": 2, "data_sheet": 3}
 
 
 class Raw(Part):
@@ -57,7 +59,7 @@ class Calibration(Part):
     kind: Literal["point", "line", "data_sheet"] | None = Field(
         default=None,
         description="what `uncertainty` comes from: one `point` leaves the zero uncertain, a `line` zero and "
-        "gain, a `data_sheet` the curvature too; without it, analyses take the sensor as exact",
+        "gain, a `data_sheet` the curvature too, which is also assumed without it",
     )
     zero: AnyDifference | None = Field(
         default=None, description="uncertainty of its zero, 95 %, instead of that by `uncertainty`"
@@ -82,6 +84,8 @@ class Calibration(Part):
     def parts(self, origin: float, middle: float, half: float, whole: float) -> dict[str, float]:
         """Return the uncertainty, 95 %, SI, of zero, gain and curvature, each by its largest error.
 
+        A calibration of no stated kind may be wrong in any of the three, unless its parts are stated.
+
         Parameters
         ----------
         origin: where the display unit is zero, SI; a relative uncertainty of the gain counts from there.
@@ -89,7 +93,8 @@ class Calibration(Part):
         whole: the uncertainty of a reading, 95 %, SI.
         """
         every = ("zero", "gain", "linearity")
-        usual = every[: {"point": 1, "line": 2, "data_sheet": 3}.get(self.kind or "", 0)]
+        stated = any(part is not None for part in (self.zero, self.gain, self.linearity))
+        usual = every[: _PARTS[self.kind] if self.kind else 0 if stated else 3]
         parts = {part: whole if part in usual else 0.0 for part in every}
         if self.zero is not None:
             parts["zero"] = float(self.zero)

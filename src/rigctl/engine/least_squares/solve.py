@@ -128,6 +128,7 @@ class _Search:
         self.lower = np.array([unknown.lower for unknown in self.all])
         self.upper = np.array([unknown.upper for unknown in self.all])
         self.size = np.array([unknown.size for unknown in self.all])
+        self.nonlinear = np.array([not unknown.linear for unknown in self.all], dtype=bool)
         self.priors = Priors.of(self.all)
         self.damping, self.growth = _FIRST_DAMPING, 2.0
         self.reach = self.options.largest_step
@@ -289,11 +290,11 @@ class _Search:
         """The damped step inside the bounds, in the parameters' own units."""
         scale = self._scale()
         flat = self.point.flat()
-        reach = self.reach * np.maximum(self.size, np.abs(flat))
+        reach = np.where(self.nonlinear, self.reach * np.maximum(self.size, np.abs(flat)), np.inf)
         lower = np.maximum(self.lower - flat, -reach) * scale
         upper = np.minimum(self.upper - flat, reach) * scale
         residual, weight = self.priors.residual(flat), self.priors.weight / scale
-        total = np.sqrt(weight**2 + damping)
+        total = np.sqrt(weight**2 + damping * self.nonlinear)
         like = self.point.like
         bounded = bounded_step(
             self.arrow.scaled(like(scale)),
@@ -435,4 +436,4 @@ class _Search:
     def _largest(self, step: Vector) -> float:
         """The largest change of a parameter, in units of its size."""
         moved = np.abs(step.flat()) / np.maximum(self.size, np.abs(self.point.flat()))
-        return float(moved.max(initial=0.0))
+        return float(moved[self.nonlinear].max(initial=0.0))

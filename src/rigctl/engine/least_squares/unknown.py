@@ -35,11 +35,14 @@ class Unknown:
         `start`, or of the bounds if that is zero.
     prior: prior knowledge.
     unit: SI, for the result's table.
+    linear: the residuals depend on it linearly, or nearly, wherever the others are: its steps are neither
+        damped nor limited. It needs a prior.
 
     Raises
     ------
     RigctlError
-        a number is not finite, the start lies outside the bounds, or scale or prior are not positive.
+        a number is not finite, the start lies outside the bounds, scale or prior are not positive, or an
+        unknown that is linear has no prior.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Unknown:
     scale: float | None = None
     prior: Prior | None = None
     unit: str = "1"
+    linear: bool = False
 
     def __post_init__(self) -> None:
         problem = ""
@@ -62,6 +66,8 @@ class Unknown:
             problem = "its scale is not positive"
         elif self.prior is not None and not (self.prior.std > 0.0 and math.isfinite(self.prior.mean)):
             problem = "its prior has no finite mean or no positive standard deviation"
+        elif self.linear and self.prior is None:
+            problem = "it is linear, and has no prior"
         if problem:
             raise RigctlError(f"parameter {self.name}: {problem}", value=f"{self.start:g}")
 

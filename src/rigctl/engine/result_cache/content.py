@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -19,7 +20,7 @@ class Opaque(TypeError):
 def digest(*values: object) -> str:
     """64 digits of the values' content.
 
-    Numbers count with all their bits (0.0 is not -0.0, 1 is not 1.0, NaN is NaN), mappings with their order,
+    Numbers count with all their bits (0.0 is not -0.0, 1 is not 1.0), a NaN is a NaN, mappings with their order,
     arrays with type and shape, dataclasses with their names and fields.
 
     Raises
@@ -46,7 +47,7 @@ def _add(into: Any, value: object) -> None:
     elif isinstance(value, int):
         _text(into, b"i", str(value))
     elif isinstance(value, float):
-        into.update(b"f" + struct.pack("<d", value))
+        into.update(b"f" + struct.pack("<d", math.nan if math.isnan(value) else value))
     elif isinstance(value, str):
         _text(into, b"s", value)
     elif isinstance(value, np.ndarray):

@@ -65,8 +65,8 @@ def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | N
     """The unknowns starting at `values`, with those far from their priors reset; None if none is far."""
     priors = [unknown.prior for unknown in shared]
     far = [
-        prior is not None and abs(value - prior.mean) > _FAR * prior.std
-        for prior, value in zip(priors, values, strict=True)
+        not unknown.linear and prior is not None and abs(value - prior.mean) > _FAR * prior.std
+        for unknown, prior, value in zip(shared, priors, values, strict=True)
     ]
     if not any(far):
         return None

@@ -553,7 +553,7 @@ def make_problem(
     )
 
 
-#: a family, effects, bench, parameters, oil, own effects, unrecorded inputs and errors of calibrations
+#: a family, effects, bench, parameters, oil, own effects, unrecorded inputs and errors of inputs' calibrations
 _Definition = tuple[
     ModelFamily,
     Mapping[str, Mapping[str, float]],
@@ -589,7 +589,7 @@ def _definition(
         model.oil,
         (*model.own_effects, *uncertain, *further),
         tuple(measurements.unrecorded),
-        read_wrong,
+        tuple(one for one in read_wrong if one.channel in measurements.inputs),
     )
 
 
