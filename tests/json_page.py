@@ -32,7 +32,7 @@ _SECTIONS = {
 _BY_NAME = {
     *("channels", "parameters", "tests", "beside", "outputs", "actuators", "assume"),
     *("rmse", "heldout_rmse", "noise", "units", "states", "inputs", "slots", "settings"),
-    *("weights", "probabilities", "gains", "expected", "error", "sizes"),
+    *("weights", "probabilities", "gains", "expected", "error", "sizes", "shares"),
     *("residuals", "cross_correlation", "input_p_values"),
 }
 

@@ -63,6 +63,7 @@ def test_points_become_a_dated_calibration_and_nothing_else_changes(rigctl: Rigc
     calibration = rig.channels["supply_pressure"].calibration
     assert calibration.coefficients == pytest.approx(answer["coefficients"], rel=1e-9)
     assert (calibration.date, calibration.reference) == (date(2026, 11, 20), 'gauge "7", class 0.1')
+    assert calibration.kind == "line"
     assert calibration.uncertainty is not None
     assert float(calibration.uncertainty) == pytest.approx(answer["uncertainty"] * 1e5, rel=0.01)
     assert calibration.valid_for == 365 * 86400.0  # as it was
@@ -70,6 +71,9 @@ def test_points_become_a_dated_calibration_and_nothing_else_changes(rigctl: Rigc
     now = path.read_bytes()
     assert Path(answer["backup"]).read_bytes() == before
     old, new = before.decode().splitlines(), now.decode().splitlines()
+    added = [line for line in new if line.strip() == "kind: line"]
+    assert len(added) == 1
+    new.remove(added[0])
     different = [(a, b) for a, b in zip(old, new, strict=True) if a != b]
     assert len(different) == 4  # coefficients, date, reference, uncertainty
     assert different[0][1].endswith("# 0.5 V is 0 bar, 4.5 V is 100 bar")  # the user's comment

@@ -42,7 +42,7 @@ def heated(levels: tuple[float, ...], radiation: float = 0.0) -> Floats:
 
 
 def diagnosed(folder: Path, kind: str, size: float, **physics: float) -> dict[str, Any]:
-    """The diagnosis of a board whose first thermometer has this error, both stated to 1 K by a data sheet."""
+    """The diagnosis of a board whose first thermometer has this error, both stated to 1 K."""
     create_project(folder)
     levels = (0.8, 0.2, 0.5, 0.0, 1.0, 0.3)
     true, random = heated(levels, **physics), np.random.default_rng(3)
@@ -59,8 +59,7 @@ def diagnosed(folder: Path, kind: str, size: float, **physics: float) -> dict[st
     head = "time [s],temperature_1 [degC],temperature_2 [degC],heater_1 [%],heater_2 [%]"
     with chdir(folder):
         Path("log.csv").write_text("\n".join([head, *lines]) + "\n", "utf-8")
-        text = RIG.read_text("utf-8").replace("uncertainty: 1 K", "uncertainty: 1 K\n      kind: data_sheet")
-        text = text.replace("    raw: {bits: 10, low: 0, high: 1023, unit: count}\n", "")
+        text = RIG.read_text("utf-8").replace("    raw: {bits: 10, low: 0, high: 1023, unit: count}\n", "")
         RIG.write_text(text.replace("[-50.0, 0.32258065]", "[0, 1]"), "utf-8")
         told("import", "log.csv", "--rig", str(RIG))
         return answer("diagnose", "latest", "--model", MODEL)
@@ -81,6 +80,12 @@ def test_an_error_within_the_stated_calibration_is_no_missing_effect(tmp_path: P
     one = sensor(found, "temperature_1")
     assert not one["beyond"]
     assert abs(one["error"] - 0.8) < 3.0 * one["std"]
+    budgets = {one["parameter"]: one["shares"] for one in found["uncertainty_budget"]}
+    assert budgets
+    for shares in budgets.values():
+        assert sum(shares.values()) == pytest.approx(1.0)
+    # no number of readings makes a loss or a heater's power more certain than the thermometer
+    assert any(next(iter(shares)) == "calibration of temperature_1" for shares in budgets.values())
 
 
 def test_an_error_beyond_the_stated_calibration_is_the_sensors(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from rigctl.analysis.single_values.rows import TableRow
 from rigctl.analysis.slopes import KnownSlopes
 from rigctl.analysis.slot_evidence import SlotEvidence
 from rigctl.analysis.trends import Trend
+from rigctl.analysis.uncertainty_budget import uncertainty_budgets
 from rigctl.analysis.undecided import what_decides
 from rigctl.json_values import finite_or_none
 from rigctl.model.curve_bands import CurveBand
@@ -238,6 +239,7 @@ class ModelComparison:
             "parameters": parameters,
             "bounds": [one.document() for one in self.bounds],
             "undetermined": [one.document() for one in self.undetermined],
+            "uncertainty_budget": [one.document() for one in uncertainty_budgets(self.fit)],
             "where": [place.document() for place in self.where],
             "trends": [trend.document() for trend in self.trends],
             "slots": [slot.document() for slot in self.slots],

@@ -50,6 +50,8 @@ def calibration_entries(
     if reference:
         entries["reference"] = json.dumps(reference, ensure_ascii=False)
     entries["uncertainty"] = _difference(channel, fit.uncertainty)
+    straight = len(fit.coefficients) == 2
+    entries["kind"] = "line" if straight else "data_sheet"  # of a curve, the curvature is uncertain too
     if valid_for:
         entries["valid_for"] = valid_for
     return entries

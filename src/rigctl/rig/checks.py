@@ -370,6 +370,22 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
             "dies; its guard, a process on this computer, acts when rigctl alone does"
         )
     yield from _read_back(rig)
+    yield from _exact(rig)
+
+
+def _exact(rig: Rig) -> Iterator[str]:
+    """Warn of channels without a stated uncertainty: no sensor is exact, and analyses assume that it is."""
+    parts = ("uncertainty", "zero", "gain", "linearity")
+    exact = [
+        name
+        for name, channel in rig.channels.items()
+        if all(getattr(channel.calibration, part) is None for part in parts)
+    ]
+    if exact:
+        yield (
+            f"no uncertainty is stated for {', '.join(exact)}: analyses take the readings as exact but for "
+            "their noise; 'uncertainty: 1 K' in a calibration says how far it may be wrong"
+        )
 
 
 def _unread(rig: Rig) -> list[str]:

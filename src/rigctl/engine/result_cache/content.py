@@ -20,8 +20,8 @@ class Opaque(TypeError):
 def digest(*values: object) -> str:
     """64 digits of the values' content.
 
-    Numbers count with all their bits (0.0 is not -0.0, 1 is not 1.0), a NaN is a NaN, mappings with their order,
-    arrays with type and shape, dataclasses with their names and fields.
+    Numbers count with all their bits (0.0 is not -0.0, 1 is not 1.0), a NaN is a NaN, mappings count with
+    their order, arrays with type and shape, dataclasses with their names and fields.
 
     Raises
     ------

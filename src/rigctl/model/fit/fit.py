@@ -44,8 +44,8 @@ _COST = 1e-5
 _COARSE = 3e-4
 #: the same if χ² is too large by this many of its standard deviations: such a model is inadequate wherever
 #: along its valley the fit ends, and the tests project out what its parameters could still explain. It also
-#: ends where a step is expected to gain less than a hundredth of what noise does not explain: beside the noise,
-#: a model with nothing missing is the rival whose cost is known
+#: ends where a step is expected to gain less than a hundredth of what noise does not explain: a model that
+#: lacks nothing is the rival, whose cost is known
 _ROUGH, _MISFIT = 1e-4, 20.0
 
 

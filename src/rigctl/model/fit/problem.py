@@ -553,7 +553,7 @@ def make_problem(
     )
 
 
-#: a family, effects, bench, parameters, oil, own effects, unrecorded inputs and errors of inputs' calibrations
+#: a family, effects, bench, parameters, oil, own effects, unrecorded inputs, errors of inputs' calibrations
 _Definition = tuple[
     ModelFamily,
     Mapping[str, Mapping[str, float]],

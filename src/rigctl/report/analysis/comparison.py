@@ -10,7 +10,9 @@ from markupsafe import Markup
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.record_level import RecordQuantity
+from rigctl.analysis.uncertainty_budget import uncertainty_budgets
 from rigctl.report.analysis.bars import Bar, bars
+from rigctl.report.analysis.budget_bars import budget_bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records
 from rigctl.report.analysis.page_top import NamedModels, answer_section
@@ -127,6 +129,7 @@ def _numbers(comparison: Comparison) -> Section:
         "numbers.html",
         comparison=comparison,
         models=[_model(model) for model in comparison.models],
+        budgets=budget_bars(uncertainty_budgets(comparison.models[-1].fit)),
         residuals=[(plot.caption, plot_slot(plot)) for plot in plots],
     )
     hint = "errors by channel, the tests, whether the errors are correlated, how the data were taken"

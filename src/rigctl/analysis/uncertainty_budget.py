@@ -1,0 +1,78 @@
+"""What makes a fitted number uncertain: the noise of the readings, each calibration, each assumed number.
+
+With J the derivatives of the whitened residuals and P the variances of the independent priors, the
+covariance of all unknowns is ``C = (JᵀJ + P⁻¹)⁻¹``, and ``C = C·JᵀJ·C + C·P⁻¹·C``: the first term is what
+the noise of the readings brings, and the second splits by prior, so that
+
+    C_ii = noise + Σ_k C_ik²/P_k
+
+holds exactly. The priors of the unknowns of single records, such as their settings, act like noise that
+averages out over records, and are left with it.
+Source: JCGM 100:2008 (GUM), 5.1 and F.1.2.3, uncertainty budgets with correlated estimates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rigctl.model.fit.fit import FitResult
+
+#: the source of what no prior brings
+READINGS = "readings"
+#: a source with less of the variance is not named
+_LEAST = 0.01
+
+
+@dataclass(frozen=True)
+class UncertaintyBudget:
+    """The variance of one fitted number by source.
+
+    Attributes
+    ----------
+    parameter: its name; `unit` of `std`, SI.
+    std: standard deviation.
+    shares: of the variance by source, the largest first; they add up to 1.
+    """
+
+    parameter: str
+    unit: str
+    std: float
+    shares: Mapping[str, float]
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {"parameter": self.parameter, "std": self.std, "unit": self.unit, "shares": dict(self.shares)}
+
+
+def uncertainty_budgets(fit: FitResult) -> tuple[UncertaintyBudget, ...]:
+    """The budget of each free parameter of a fitted model that the data determine."""
+    solution = fit.solution
+    if solution is None:
+        return ()
+    calibrations = {one.name: one.channel for one in fit.problem.measurements.reading_errors}
+    assumed, lost, result = fit.problem.model.assumed, fit.undetermined, []
+    for row, unknown in enumerate(solution.unknowns):
+        variance = float(solution.covariance[row, row])
+        if unknown.name not in fit.problem.model.fitted or unknown.name in lost:
+            continue
+        if not 0.0 < variance < math.inf:
+            continue
+        shares: dict[str, float] = {}
+        for column, other in enumerate(solution.unknowns):
+            if other.prior is None:
+                continue
+            source = other.name
+            if source in calibrations:
+                source = f"calibration of {calibrations[source]}"
+            elif source in assumed:
+                source = f"{source} (assumed)"
+            part = (float(solution.covariance[row, column]) / other.prior.std) ** 2 / variance
+            shares[source] = shares.get(source, 0.0) + part
+        named = {source: share for source, share in shares.items() if share >= _LEAST}
+        named[READINGS] = max(0.0, 1.0 - sum(named.values()))
+        ordered = dict(sorted(named.items(), key=lambda item: -item[1]))
+        result.append(UncertaintyBudget(unknown.name, unknown.unit, math.sqrt(variance), ordered))
+    return tuple(result)
