@@ -33,6 +33,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
 from rigctl.model.measured.standing import floor_alone, with_what_is_left
 from rigctl.model.model import Model
+from rigctl.model.reading_errors import ReadingError
 from rigctl.units import show
 
 #: a quantisation step of more sigmas than this hides the noise
@@ -110,6 +111,14 @@ def judge(
     ----------
     excluded: effects of the library that are not to be considered.
     """
+    compared = _tested(fitted, name, excluded, on_progress)
+    return _with_sensors_in_question(compared, on_progress)
+
+
+def _tested(
+    fitted: FitResult, name: str, excluded: Collection[str], on_progress: OnProgress | None
+) -> ModelComparison:
+    """The tests of a fitted model, with the errors of sensors that its fit has."""
     library_problem = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
     ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
     slopes = KnownSlopes() if fitted.problem.model.with_laws else None
@@ -122,16 +131,9 @@ def judge(
     if tests.below_noise:
         again = _without_refuted_noise(fitted)
         if again is not None:
-            return judge(again, name, excluded=excluded, on_progress=on_progress)
-    exact = None
-    if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
-        report = on_progress or no_progress
-        report(f"Fitting {name} as if every sensor were exact")
-        with suppress(RigctlError):  # it cannot be simulated without these errors: nothing to compare with
-            exact = judge(_with_exact_sensors(fitted), name, excluded=excluded, on_progress=on_progress)
+            return _tested(again, name, excluded, on_progress)
     return ModelComparison(
         name=name,
-        exact=exact if exact is not None and exact.adequacy.verdict is False else None,
         fit=fitted,
         adequacy=tests,
         linearisation=linearisation,
@@ -144,12 +146,55 @@ def judge(
     )
 
 
-def _with_exact_sensors(fitted: FitResult) -> FitResult:
-    """The model fitted again as if no calibration had an error."""
+def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress | None) -> ModelComparison:
+    """The comparison, beside the one in which sensors are exact where their errors make a difference.
+
+    Where calibrations with errors of a stated kind are in the fit already, it is repeated without them. Where
+    only an uncertainty is stated, sensors were exact: if the model does not agree, it is repeated with errors
+    of each, and that comparison is the answer if it explains what was left.
+    """
+    fitted, tests = compared.fit, compared.adequacy
+    uncertain = fitted.problem.measurements.possible_errors
+    if uncertain and fitted.solution is not None and not (tests.agrees or tests.unusable):
+        wrong = _if_sensors_may_be_wrong(compared, on_progress)
+        return compared if wrong is None else replace(wrong, exact=compared)
+    if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
+        report = on_progress or no_progress
+        report(f"Fitting {compared.name} as if every sensor were exact")
+        with suppress(RigctlError):  # it cannot be simulated without these errors: nothing to compare with
+            exact = _tested(_with_reading_errors(fitted, ()), compared.name, compared.excluded, on_progress)
+            if exact.adequacy.verdict is False:
+                return replace(compared, exact=exact)
+    return compared
+
+
+def _if_sensors_may_be_wrong(
+    compared: ModelComparison, on_progress: OnProgress | None
+) -> ModelComparison | None:
+    """The comparison in which every calibration with a stated uncertainty may be wrong.
+
+    None unless it explains what a model with exact sensors leaves: the model then agrees, or one sensor is
+    wrong by more than is stated. Calibrations of no stated kind count only here, with zero, gain and
+    curvature: they are tried before something is said to be missing, at the cost of one fit, and not in every
+    search and design.
+    """
+    name, measurements = compared.name, compared.fit.problem.measurements
+    (on_progress or no_progress)(f"Fitting {name} as if sensors were wrong within their calibrations")
+    errors = (*measurements.reading_errors, *measurements.possible_errors)
+    try:
+        wrong = _tested(_with_reading_errors(compared.fit, errors), name, compared.excluded, on_progress)
+    except RigctlError:  # it cannot be simulated with them: nothing to compare with
+        return None
+    tests = wrong.adequacy
+    return wrong if tests.sensors is not None and (tests.agrees or tests.only_misread) else None
+
+
+def _with_reading_errors(fitted: FitResult, errors: tuple[ReadingError, ...]) -> FitResult:
+    """The model fitted again with these errors of its sensors."""
     problem = fitted.problem
     return fit_model(
         problem.model,
-        replace(problem.measurements, reading_errors=()),
+        replace(problem.measurements, reading_errors=errors, possible_errors=()),
         noise_in(fitted),
         fitted.held_out,
         refit=any(one.name in problem.model.fitted for one in problem.shared),

@@ -211,13 +211,15 @@ def _nothing_to_name(search: Search, best: RefittedSet, blocks: BlockValidation 
     before = search.before.adequacy
     if before.unusable:
         return Verdict.UNDECIDED
+    given = before if search.given is None else search.given.adequacy
     if agrees_within_tolerance(search):
         if before.only_misread:  # the cause is a sensor, and no effect of the library
             return Verdict.OUTSIDE_LIBRARY
-        return Verdict.UNDECIDED if before.below_noise else Verdict.ADEQUATE
+        # in the scale of its own errors any model agrees that has no pattern in them: that is no noise
+        open_ = before.below_noise or (search.in_own_scale and not given.agrees)
+        return Verdict.UNDECIDED if open_ else Verdict.ADEQUATE
     if not search.in_own_scale or (proven_by_collapse(search, best) and (blocks is None or blocks.passed)):
         return None
-    given = before if search.given is None else search.given.adequacy
     if given.agrees:  # within the noise that is stated
         return Verdict.ADEQUATE
     return Verdict.OUTSIDE_LIBRARY if given.rejected else Verdict.UNDECIDED

@@ -54,6 +54,7 @@ class ReadingError:
     runs: those recorded under this calibration; empty for all.
     number: of the calibration, from 1, where a channel has more than one.
     latest: it is the last one, under which further records would be made.
+    known: the rig file says that this part may be wrong; else only that the calibration may be.
     """
 
     channel: str
@@ -65,6 +66,7 @@ class ReadingError:
     runs: tuple[str, ...] = ()
     number: int = 1
     latest: bool = True
+    known: bool = True
 
     @property
     def parameter(self) -> str:
@@ -137,9 +139,19 @@ def reading_errors(
         for number, (channel, runs) in enumerate(calibrations, 1):
             middle, half = _span(channel, good, rows=rows)
             last = number == len(calibrations)
+            known = channel.calibration.known_parts
             errors += [
                 ReadingError(
-                    name, part, 0.5 * size, middle, half or 1.0, si_unit(channel.unit), runs, number, last
+                    name,
+                    part,
+                    0.5 * size,
+                    middle,
+                    half or 1.0,
+                    si_unit(channel.unit),
+                    runs,
+                    number,
+                    last,
+                    known,
                 )
                 for part, size in channel.reading_uncertainty(middle, half).items()
                 if size > 0.0 and (part == "zero" or half > 0.0) and not (rows and part == "zero")
