@@ -158,6 +158,21 @@ def test_a_parameter_at_its_bound_does_not_stall_the_others() -> None:
     assert "held at its bound" in result.summary()
 
 
+@pytest.mark.parametrize("upper", [20.0, 2.0])
+def test_a_linear_unknown_is_neither_damped_nor_limited(upper: float) -> None:
+    vague, calls, ends = Prior(mean=0.0, std=1e3), [], []
+    for linear in (False, True):
+        problem = Decays()
+        small = {"start": 0.1, "scale": 1e-3, "upper": upper, "prior": vague}
+        result = least_squares(problem, problem.unknowns(**small, linear=linear), problem.local())
+        assert result.converged
+        calls.append(problem.calls)
+        ends.append(everything(result))
+    assert ends[1] == pytest.approx(problem.scipy(most_amplitude=upper).x, rel=1e-4, abs=1e-4)  # type: ignore[attr-defined]
+    assert calls[1] < 20
+    assert calls[0] > 1.5 * calls[1], "limited to a part of its size, it creeps"
+
+
 @settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_bounded_linear_problems_agree_with_scipy(seed: int) -> None:
@@ -351,6 +366,7 @@ def test_starts_without_a_value_are_skipped_and_refused_if_no_other_is_left() ->
         ({"start": 1.0, "lower": 3.0, "upper": 2.0}, "lower bound is not below"),
         ({"start": 1.0, "scale": 0.0}, "its scale is not positive"),
         ({"start": 1.0, "prior": Prior(0.0, 0.0)}, "no positive standard deviation"),
+        ({"start": 1.0, "linear": True}, "it is linear, and has no prior"),
     ],
 )
 def test_an_invalid_unknown_is_refused(fields: dict[str, object], message: str) -> None:
