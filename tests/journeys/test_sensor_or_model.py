@@ -19,6 +19,7 @@ from rigctl.cli.commands.init import create_project
 
 Floats = NDArray[np.float64]
 RIG, MODEL = Path("rigs/heater-board.yaml"), "models/heater-board.yaml"
+DATA_SHEET = "\n      kind: data_sheet"
 CAPACITY, LOSS, ROOM, SPREAD = 2.0, 0.016, 23.0, 0.1
 #: what each error of 1 K adds to a reading, over its position between the lowest and the highest reading
 ERRORS: dict[str, Callable[[Floats], Floats]] = {
@@ -41,8 +42,8 @@ def heated(levels: tuple[float, ...], radiation: float = 0.0) -> Floats:
     return np.array(course)
 
 
-def diagnosed(folder: Path, kind: str, size: float, **physics: float) -> dict[str, Any]:
-    """The diagnosis of a board whose first thermometer has this error, both stated to 1 K."""
+def diagnosed(folder: Path, kind: str, size: float, *, stated: str = "", **physics: float) -> dict[str, Any]:
+    """The diagnosis of a board whose first thermometer has this error, both `stated` to 1 K."""
     create_project(folder)
     levels = (0.8, 0.2, 0.5, 0.0, 1.0, 0.3)
     true, random = heated(levels, **physics), np.random.default_rng(3)
@@ -59,7 +60,8 @@ def diagnosed(folder: Path, kind: str, size: float, **physics: float) -> dict[st
     head = "time [s],temperature_1 [degC],temperature_2 [degC],heater_1 [%],heater_2 [%]"
     with chdir(folder):
         Path("log.csv").write_text("\n".join([head, *lines]) + "\n", "utf-8")
-        text = RIG.read_text("utf-8").replace("    raw: {bits: 10, low: 0, high: 1023, unit: count}\n", "")
+        text = RIG.read_text("utf-8").replace("uncertainty: 1 K", "uncertainty: 1 K" + stated)
+        text = text.replace("    raw: {bits: 10, low: 0, high: 1023, unit: count}\n", "")
         RIG.write_text(text.replace("[-50.0, 0.32258065]", "[0, 1]"), "utf-8")
         told("import", "log.csv", "--rig", str(RIG))
         return answer("diagnose", "latest", "--model", MODEL)
@@ -69,9 +71,12 @@ def sensor(found: dict[str, Any], channel: str) -> dict[str, Any]:
     return next(one for one in found["sensors"] if one["channel"] == channel)
 
 
+@pytest.mark.parametrize("stated", ["", DATA_SHEET], ids=["uncertainty alone", "data sheet"])
 @pytest.mark.parametrize("kind", ["zero", "curvature"])
-def test_an_error_within_the_stated_calibration_is_no_missing_effect(tmp_path: Path, kind: str) -> None:
-    found = diagnosed(tmp_path, kind, 0.8)
+def test_an_error_within_the_stated_calibration_is_no_missing_effect(
+    tmp_path: Path, kind: str, stated: str
+) -> None:
+    found = diagnosed(tmp_path, kind, 0.8, stated=stated)
     assert found["verdict"] == "adequate"
     assert found["explained_by"] == "calibration"
     assert "temperature_1 reads" in found["statement"]
@@ -89,7 +94,7 @@ def test_an_error_within_the_stated_calibration_is_no_missing_effect(tmp_path: P
 
 
 def test_an_error_beyond_the_stated_calibration_is_the_sensors(tmp_path: Path) -> None:
-    found = diagnosed(tmp_path, "curvature", 3.0)
+    found = diagnosed(tmp_path, "curvature", 3.0, stated=DATA_SHEET)
     assert found["effects"] == []
     assert found["explained_by"] == "calibration"
     assert sensor(found, "temperature_1")["beyond"]

@@ -38,6 +38,8 @@ from rigctl.units import show
 
 #: a quantisation step of more sigmas than this hides the noise
 _COARSE = 2.0
+#: errors of sensors explain what is left if the error falls below this share
+_FALLEN = 0.8
 
 
 @checks_argument_types
@@ -155,9 +157,11 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
     """
     fitted, tests = compared.fit, compared.adequacy
     uncertain = fitted.problem.measurements.possible_errors
-    if uncertain and fitted.solution is not None and not (tests.agrees or tests.unusable):
+    if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
-        return compared if wrong is None else replace(wrong, exact=compared)
+        compared = _as_exact(compared)
+        if wrong is not None:
+            return replace(wrong, exact=compared)
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {compared.name} as if every sensor were exact")
@@ -173,10 +177,10 @@ def _if_sensors_may_be_wrong(
 ) -> ModelComparison | None:
     """The comparison in which every calibration with a stated uncertainty may be wrong.
 
-    None unless it explains what a model with exact sensors leaves: the model then agrees, or one sensor is
-    wrong by more than is stated. Calibrations of no stated kind count only here, with zero, gain and
-    curvature: they are tried before something is said to be missing, at the cost of one fit, and not in every
-    search and design.
+    None unless that explains what a model with exact sensors leaves. Calibrations of no stated kind count
+    only here, with zero, gain and curvature: they are tried before something is said to be missing, at the
+    cost of one fit, and not in every search and design. A model that lacks something pulls its sensors beyond
+    what is stated, so that an error beyond it is no answer here.
     """
     name, measurements = compared.name, compared.fit.problem.measurements
     (on_progress or no_progress)(f"Fitting {name} as if sensors were wrong within their calibrations")
@@ -185,8 +189,28 @@ def _if_sensors_may_be_wrong(
         wrong = _tested(_with_reading_errors(compared.fit, errors), name, compared.excluded, on_progress)
     except RigctlError:  # it cannot be simulated with them: nothing to compare with
         return None
-    tests = wrong.adequacy
-    return wrong if tests.sensors is not None and (tests.agrees or tests.only_misread) else None
+    return wrong if wrong.adequacy.agrees and _by_sensors(compared, wrong) else None
+
+
+def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:
+    """Whether it is the errors of sensors that make the model agree, and not another end of the fit."""
+    sensors = wrong.adequacy.sensors
+    if sensors is None:
+        return False
+    if sensors.matters or not exact.adequacy.unproven:
+        return sensors.matters
+    # the noise of channels in the scale of their own errors is too large to show it: these have to fall
+    return all(
+        wrong.fit.errors[name].rmse < _FALLEN * exact.fit.errors[name].rmse
+        for name in exact.adequacy.unproven
+    )
+
+
+def _as_exact(compared: ModelComparison) -> ModelComparison:
+    """The comparison, of which no search fits its sensors again."""
+    problem = compared.fit.problem
+    measurements = replace(problem.measurements, possible_errors=())
+    return replace(compared, fit=replace(compared.fit, problem=replace(problem, measurements=measurements)))
 
 
 def _with_reading_errors(fitted: FitResult, errors: tuple[ReadingError, ...]) -> FitResult:

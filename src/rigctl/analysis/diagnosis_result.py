@@ -15,7 +15,7 @@ from rigctl.analysis.identity import Levels, certain_members
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
-from rigctl.analysis.uncertainty_budget import uncertainty_budgets
+from rigctl.analysis.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
 from rigctl.effects.declaration import EffectParameter
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.assumptions import Conditional, conditional_document
@@ -308,6 +308,11 @@ class Diagnosis:
             if sentence.casefold() not in statement
         )
 
+    @property
+    def budgets(self) -> tuple[UncertaintyBudget, ...]:
+        """What makes the fitted numbers uncertain, with the effects that are named."""
+        return uncertainty_budgets(self.best.fit if self.effects else self.before.fit)
+
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
         sensors, exact = self.before.sensors, self.with_exact_sensors
@@ -326,7 +331,7 @@ class Diagnosis:
             "decided_by": list(self.decided_by),
             "bounds": [one.document() for one in self.bounds],
             "undetermined": [one.document() for one in self.before.undetermined],
-            "uncertainty_budget": [one.document() for one in uncertainty_budgets(self.best.fit)],
+            "uncertainty_budget": [one.document() for one in self.budgets],
             "explained_by": self.before.explained_by if not self.effects else None,
             "sensors": [] if sensors is None else [one.document() for one in sensors.misreadings],
             "with_exact_sensors": None

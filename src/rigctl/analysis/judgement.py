@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from rigctl.analysis.adequacy import Adequacy
 from rigctl.analysis.block_validation import BlockValidation, leave_blocks_out
 from rigctl.analysis.certainty import (
     Answer,
@@ -201,6 +202,19 @@ def verdict_on(
     return Verdict.MISSING_EFFECT
 
 
+def _nothing_left(search: Search, given: Adequacy) -> Verdict:
+    """The verdict where no test finds anything within the tolerance of the laws.
+
+    In the scale of its own errors any model agrees that leaves no pattern in them, and that is no noise: the
+    tests of the comparison decide, `given`.
+    """
+    before = search.before.adequacy
+    own = search.in_own_scale and not before.below_noise
+    if before.only_misread or (own and given.rejected):  # the sensor is no effect of the library either
+        return Verdict.OUTSIDE_LIBRARY
+    return Verdict.UNDECIDED if before.below_noise or (own and not given.agrees) else Verdict.ADEQUATE
+
+
 def _nothing_to_name(search: Search, best: RefittedSet, blocks: BlockValidation | None) -> Verdict | None:
     """The verdict where no effect may be named; None where one may be.
 
@@ -213,11 +227,7 @@ def _nothing_to_name(search: Search, best: RefittedSet, blocks: BlockValidation 
         return Verdict.UNDECIDED
     given = before if search.given is None else search.given.adequacy
     if agrees_within_tolerance(search):
-        if before.only_misread:  # the cause is a sensor, and no effect of the library
-            return Verdict.OUTSIDE_LIBRARY
-        # in the scale of its own errors any model agrees that has no pattern in them: that is no noise
-        open_ = before.below_noise or (search.in_own_scale and not given.agrees)
-        return Verdict.UNDECIDED if open_ else Verdict.ADEQUATE
+        return _nothing_left(search, given)
     if not search.in_own_scale or (proven_by_collapse(search, best) and (blocks is None or blocks.passed)):
         return None
     if given.agrees:  # within the noise that is stated

@@ -73,6 +73,8 @@ def would_be_missing(exact: Diagnosis) -> str:
         return f"{named} would be missing"
     if exact.verdict is Verdict.AMBIGUOUS:
         return f"{named} might be missing, or another effect"
+    if exact.verdict is Verdict.ADEQUATE:
+        return "nothing would be missing within the tolerance of its laws"
     if exact.verdict is Verdict.UNDECIDED:
         return "it is not decided whether anything is missing"
     return "the model would not agree, and nothing in the library would explain it"

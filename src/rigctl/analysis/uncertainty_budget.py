@@ -22,6 +22,8 @@ from rigctl.model.fit.fit import FitResult
 
 #: the source of what no prior brings
 READINGS = "readings"
+#: all sources together that are not named
+OTHERS = "others"
 #: a source with less of the variance is not named
 _LEAST = 0.01
 
@@ -72,6 +74,9 @@ def uncertainty_budgets(fit: FitResult) -> tuple[UncertaintyBudget, ...]:
             part = (float(solution.covariance[row, column]) / other.prior.std) ** 2 / variance
             shares[source] = shares.get(source, 0.0) + part
         named = {source: share for source, share in shares.items() if share >= _LEAST}
+        small = sum(share for share in shares.values() if share < _LEAST)
+        if small >= _LEAST:
+            named[OTHERS] = small
         named[READINGS] = max(0.0, 1.0 - sum(named.values()))
         ordered = dict(sorted(named.items(), key=lambda item: -item[1]))
         result.append(UncertaintyBudget(unknown.name, unknown.unit, math.sqrt(variance), ordered))

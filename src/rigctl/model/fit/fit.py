@@ -43,9 +43,7 @@ _COST = 1e-5
 #: the same for a fit that only decides which of two minima is deeper
 _COARSE = 3e-4
 #: the same if χ² is too large by this many of its standard deviations: such a model is inadequate wherever
-#: along its valley the fit ends, and the tests project out what its parameters could still explain. It also
-#: ends where a step is expected to gain less than a hundredth of what noise does not explain: a model that
-#: lacks nothing is the rival, whose cost is known
+#: along its valley the fit ends, and the tests project out what its parameters could still explain
 _ROUGH, _MISFIT = 1e-4, 20.0
 
 
@@ -296,7 +294,7 @@ def _fitted(
     start = np.array([unknown.start for unknown in problem.shared])
     if plan.refit and problem.shared:
         _check_enough(inner)
-        inside, options = _started(inner, initial), plan.options
+        inside = _started(inner, initial)
         if plan.starts > 1:
             solution = multi_start(
                 inner.evaluate,
@@ -308,12 +306,12 @@ def _fitted(
                 progress=plan.progress,
             ).best
         elif local is None:
-            solution, options = _from_afar(inner, inside, plan)
+            solution = _from_afar(inner, inside, plan)
         else:
             solution = least_squares(
                 inner.evaluate, inner.shared, inside, options=plan.options, progress=plan.progress
             )
-        solution = with_best_switches(inner, solution, options)
+        solution = with_best_switches(inner, solution, plan.options)
         values, record_local = solution.values, dict(zip(fitted, solution.local, strict=True))
     else:
         solution, values, record_local = None, start, {}
@@ -326,17 +324,11 @@ def _fitted(
     return _Fitted(silent, solution, values, everything, evaluated.outputs_at(values, everything))
 
 
-def _from_afar(
-    problem: Problem, local: list[list[Unknown]], plan: _Plan
-) -> tuple[LeastSquaresResult, Options]:
+def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
     """The better of two coarse fits, continued to convergence: one from distant starting values, and one from
-    its end, with the parameters that are far from their priors reset. Returns also the options that it ended
-    with."""
+    its end, with the parameters that are far from their priors reset."""
     starts, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
-    dof = max(1, sum(one.size for one in problem.whiteners) - len(problem.shared))
-    coarse = replace(
-        plan.options, cost=max(plan.options.cost, _COARSE), rival=min(plan.options.rival, 0.5 * dof)
-    )
+    coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
     result = least_squares(problem.evaluate, starts, record_local, options=coarse, progress=plan.progress)
     back = brought_back(starts, result.values)
     if back is not None:
@@ -345,18 +337,15 @@ def _from_afar(
                 problem.evaluate, back, record_local, options=coarse, progress=plan.progress
             )
             result = other if other.cost < result.cost else result
+    dof = max(1, result.residual_count - result.parameter_count)
     far = 2.0 * result.cost - dof > _MISFIT * math.sqrt(2.0 * dof)
-    options = plan.options
-    if far:
-        options = replace(options, cost=max(options.cost, _ROUGH), rival=min(options.rival, 0.5 * dof))
-    end = least_squares(
+    return least_squares(
         problem.evaluate,
         started(starts, result.values),
         [started(each, values) for each, values in zip(record_local, result.local, strict=True)],
-        options=options,
+        options=replace(plan.options, cost=max(plan.options.cost, _ROUGH)) if far else plan.options,
         progress=plan.progress,
     )
-    return end, options
 
 
 def _with_noise_of(problem: Problem, fitted: FitResult) -> Problem | None:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.text import parameters_text
-from rigctl.analysis.uncertainty_budget import uncertainty_budgets
 from rigctl.effects.record_level import RECORD
 from rigctl.json_values import finite_or_none
 from rigctl.report.analysis.bars import Bar, bars
@@ -57,7 +56,7 @@ def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Sec
         curves=[(plot.caption, plot_slot(plot)) for plot in curves],
         signature=None if signature is None else plot_slot(signature),
         drift=[_drift(one) for one in diagnosis.drift],
-        budgets=budget_bars(uncertainty_budgets(diagnosis.best.fit)),
+        budgets=budget_bars(diagnosis.budgets),
     )
     drawn = () if signature is None else (signature,)
     hint = "the ranking, the evidence for and against, what these data cannot decide"
