@@ -174,7 +174,7 @@ def test_a_file_that_is_no_fmu_is_refused_before_any_work(
         ("double", "it has 2 files modelDescription.xml"),
     ):
         words = ("compare", "no-such-run", "-m", "models/right.yaml", "--rival", f"{name}.fmu")
-        assert refusal(*words) == f"{name}.fmu: this is not an FMU: {said}"
+        assert refusal(*words) == f"{name}.fmu: --rival: this is not an FMU: {said}"
 
 
 def hanging(project: Path, where: bytes) -> Path:
