@@ -92,7 +92,7 @@ def test_a_steady_duration_in_a_table_is_not_taken_for_an_observation(tmp_path: 
 @pytest.mark.parametrize(
     "times",
     [
-        [0, 1, 2, 3, 4, 5, 4, 6, 7, 8],
+        [0, 1, 2, 3, 4, 5, 4, 6, 7, 8, 9],
         [*range(9), *range(9)],
         [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4],
         [0, 1, "", 3, 4, 5, 6],
@@ -108,10 +108,11 @@ def test_a_time_that_is_not_steady_is_not_taken_for_an_observation(
         import_file(tmp_path / "log.csv", None, tmp_path / "runs")
 
 
-def test_durations_up_and_down_are_observations(tmp_path: Path) -> None:
-    rows = [f"{time},{10 + k}" for k, time in enumerate([3, 5, 2, 7, 6, 9, 4])]
+@pytest.mark.parametrize("durations", [[3, 5, 2, 7, 6, 9, 4], [3, 5, 6, 8, 9, 7]])
+def test_durations_up_and_down_are_observations(tmp_path: Path, durations: list[int]) -> None:
+    rows = [f"{time},{10 + k}" for k, time in enumerate(durations)]
     (tmp_path / "log.csv").write_text("\n".join(["settling [s],u [V]", *rows, ""]), "utf-8")
-    assert import_file(tmp_path / "log.csv", None, tmp_path / "runs").records == 7
+    assert import_file(tmp_path / "log.csv", None, tmp_path / "runs").records == len(durations)
 
 
 def test_a_column_of_dates_is_the_time_whatever_its_name(tmp_path: Path, motor: Rig) -> None:

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from open_range import without_ranges
 from rigctl.dataset import Run, Switch, list_runs, open_run, verify
-from rigctl.dataset.importing import Imported, Options, import_file
+from rigctl.dataset.importing import Imported, Options, import_file, import_files
+from rigctl.dataset.importing.table import KEPT_FAULTS
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.rig import Rig, load_rig
 
@@ -430,6 +431,20 @@ def test_a_command_beyond_its_limits_is_refused_in_a_table(importer: Importer) -
     refusal = importer.refusal("pressure_setpoint [bar],position [mm]\n40,80\n4000,80\n60,70\n")
     assert "line 3" in str(refusal) or ":3" in str(refusal)
     assert "beyond the limits of the actuator" in str(refusal)
+
+
+def test_bad_rows_of_tables_name_their_own_file(importer: Importer, tmp_path: Path) -> None:
+    heading = "pressure_setpoint [bar],position [mm]\n"
+    files = [tmp_path / "good.csv", tmp_path / "bad.csv"]
+    files[0].write_text(heading + "40,80\n50,70\n", "utf-8")
+    files[1].write_text(heading + "40,80\n" + "4000,80\n" * (KEPT_FAULTS + 5) + "60,inf\n", "utf-8")
+    with pytest.raises(RigctlError) as caught:
+        import_files(files, importer.rig, importer.runs, Options())
+    first, *_, last = str(caught.value).splitlines()
+    assert "bad.csv:3: relief_valve: beyond the limits" in first
+    assert f"{KEPT_FAULTS + 6} bad rows" in last
+    done = import_files(files, importer.rig, importer.runs, Options(), keep_good=True)
+    assert (done.records, done.left_out) == (3, KEPT_FAULTS + 6)
 
 
 def test_a_mark_among_possible_commands_is_named(importer: Importer, tmp_path: Path) -> None:

@@ -328,29 +328,45 @@ def test_a_row_number_is_no_record(tmp_path: Path, board: Rig) -> None:
         imported(tmp_path, board, text, "log.csv")
 
 
-@pytest.mark.parametrize("kind", ["csv", "xlsx"])
-def test_a_row_of_units_that_is_there_twice_is_no_heading(tmp_path: Path, board: Rig, kind: str) -> None:
-    heading = ["t,temperature_1,heater_1", "s,degC,%", "s,degC,%"]
-    file = tmp_path / f"log.{kind}"
+def table(file: Path, heading: list[str]) -> Path:
+    """A file with these rows above the values, as text or as a spreadsheet."""
     text = lines(heading, rows("{k},{t},{u}"))
-    if kind == "csv":
+    if file.suffix == ".csv":
         file.write_text(text, "utf-8")
-    else:
-        table = [line.split(",") for line in text.splitlines()]
-        typed = [[float(cell) for cell in row] if at > 2 else row for at, row in enumerate(table)]
-        pd.DataFrame(typed).to_excel(file, header=False, index=False)
+        return file
+    cells = [line.split(",") for line in text.splitlines()]
+    typed = [[float(cell) for cell in row] if at >= len(heading) else row for at, row in enumerate(cells)]
+    pd.DataFrame(typed).to_excel(file, header=False, index=False)
+    return file
+
+
+@pytest.mark.parametrize("kind", ["csv", "xlsx"])
+@pytest.mark.parametrize("again", ["s,degC,%", "[s],[degC],[%]"])
+def test_a_row_of_units_that_is_there_twice_is_no_heading(
+    tmp_path: Path, board: Rig, kind: str, again: str
+) -> None:
+    file = table(tmp_path / f"log.{kind}", ["t,temperature_1,heater_1", "s,degC,%", again])
     run = open_run(import_file(file, board, tmp_path / "runs").path)
     assert run.signals("temperature_1") == pytest.approx(np.array(TEMPERATURES) + 273.15)
     assert [column.name for column in read_columns(file, {}).columns] == ["temperature_1", "heater_1"]
 
 
-def test_names_that_are_units_too_are_names_above_other_units(tmp_path: Path, board: Rig) -> None:
-    text = lines("bench,seven,eight", "t,T,V", "s,degC,mV", rows("{k},{t},{u}"))
-    run, _ = imported(tmp_path, board, text, "log.csv", columns={"T": "temperature_1", "V": "-"})
+@pytest.mark.parametrize("kind", ["csv", "xlsx"])
+def test_names_that_are_units_too_are_names_above_other_units(tmp_path: Path, board: Rig, kind: str) -> None:
+    file = table(tmp_path / f"log.{kind}", ["bench,seven,eight", "t,T,V", "s,degC,mV"])
+    options = Options(columns={"T": "temperature_1", "V": "-"})
+    run = open_run(import_file(file, board, tmp_path / "runs", options=options).path)
     assert run.signals("temperature_1")[0] == pytest.approx(TEMPERATURES[0] + 273.15)
 
 
-def test_two_rows_of_units_that_differ_are_refused(tmp_path: Path, board: Rig) -> None:
-    text = lines("t,temperature_1,heater_1", "s,degC,%", "s,K,%", rows("{k},{t},{u}"))
-    with pytest.raises(RigctlError, match=r"log.csv:3: two rows of units below the names"):
-        imported(tmp_path, board, text, "log.csv")
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        ("csv", r"log.csv:3: two rows of units below the names"),
+        ("xlsx", r"log.xlsx:3: in sheet 'Sheet1': two rows of units below the names"),
+    ],
+)
+def test_two_rows_of_units_that_differ_are_refused(tmp_path: Path, board: Rig, kind: str, says: str) -> None:
+    file = table(tmp_path / f"log.{kind}", ["t,temperature_1,heater_1", "s,degC,%", "s,K,%"])
+    with pytest.raises(RigctlError, match=says):
+        import_file(file, board, tmp_path / "runs")

@@ -79,7 +79,7 @@ class Checker:
     def take(self, part: Part) -> Checked:
         """Check the next rows of the file."""
         values = {column.name: self._values(column, part) for column in self._columns}
-        bad = _InvalidRows(part)
+        bad = InvalidRows(part)
         self._check_values(values, bad)
         ids = self._ids(part, bad)
         ordered = self._in_order(values["time"], ids, bad)
@@ -117,7 +117,7 @@ class Checker:
         self._taken = label
         return Stretch(len(self.record_ids) - 1 if label != BETWEEN else -1, start, stop, begins)
 
-    def _check_values(self, values: Mapping[str, NDArray[np.float64]], bad: _InvalidRows) -> None:
+    def _check_values(self, values: Mapping[str, NDArray[np.float64]], bad: InvalidRows) -> None:
         time = values["time"]
         bad.add(np.flatnonzero(np.isnan(time)), "time: the value is missing")
         far = np.flatnonzero(np.isfinite(time) & (np.abs(time) > LATEST))
@@ -134,14 +134,9 @@ class Checker:
                 texts = [f"{value:g}" for value in column_values[wrong].tolist()]
                 bad.add(wrong, f"{column.name}: no such position", texts, repeat(expected))
             if column.kind == "command":
-                wrong = np.flatnonzero(impossible(column, column_values))
-                found = [
-                    beyond_limits(column, value) for value in column_values[wrong[:KEPT_FAULTS]].tolist()
-                ]
-                for what, _, expected in found[:1]:
-                    bad.add(wrong, what, [text for _, text, _ in found], repeat(expected))
+                bad.add_beyond_limits(column, column_values)
 
-    def _ids(self, part: Part, bad: _InvalidRows) -> NDArray[np.int64]:
+    def _ids(self, part: Part, bad: InvalidRows) -> NDArray[np.int64]:
         """Return the record of each row; one for all rows if the file has none."""
         labels = part.labels
         if labels is None:
@@ -156,7 +151,7 @@ class Checker:
         return ids
 
     def _in_order(
-        self, time: NDArray[np.float64], ids: NDArray[np.int64], bad: _InvalidRows
+        self, time: NDArray[np.float64], ids: NDArray[np.int64], bad: InvalidRows
     ) -> list[tuple[int, int, int]]:
         """Check that time increases in a record and never falls between records, and no record reappears.
 
@@ -194,7 +189,7 @@ class Checker:
         self._open, self._latest = label, -np.inf
 
 
-class _InvalidRows:
+class InvalidRows:
     """The invalid rows, with the first fault of each."""
 
     def __init__(self, part: Part) -> None:
@@ -221,6 +216,13 @@ class _InvalidRows:
                     line, what, value, wanted, group=self._part.group, path=self._part.path
                 )
         self.others[rows] = False
+
+    def add_beyond_limits(self, column: Assigned, values: NDArray[np.float64]) -> None:
+        """Add a fault for each command, SI, which its actuator cannot have taken."""
+        rows = np.flatnonzero(impossible(column, values))
+        found = [_beyond_limits(column, value) for value in values[rows[:KEPT_FAULTS]].tolist()]
+        for what, _, expected in found[:1]:
+            self.add(rows, what, [text for _, text, _ in found], repeat(expected))
 
     def faults(self) -> Iterator[Fault]:
         """Return one fault for each bad row."""
@@ -265,7 +267,7 @@ def impossible(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.bool
     return np.asarray(np.isfinite(values) & ((values < low - slack) | (values > high + slack)))
 
 
-def beyond_limits(column: Assigned, value: float) -> tuple[str, str, str]:
+def _beyond_limits(column: Assigned, value: float) -> tuple[str, str, str]:
     """Return what is wrong with a command, SI, which its actuator cannot have taken: the fault, the value and
     what was expected, in the unit of the file.
     """

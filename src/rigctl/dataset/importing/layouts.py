@@ -115,7 +115,7 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
     at = names[-1]
     if at - 1 in names and (found := unit_row(rows[at - 1].cells, rows[at])):
         units, at = found, at - 1
-        while at - 1 in names and _repeats_units(rows[at], rows[at + 1]):
+        while at - 1 in names and repeats_units(rows[at], rows[at + 1]):
             at -= 1
     width = len(rows[first].cells)
     if len(rows[at].cells) < width:  # a last column without a name
@@ -129,7 +129,7 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
     return Layout(cells, rows[at].line, first, units, unused)
 
 
-def _repeats_units(upper: Row, lower: Row) -> bool:
+def repeats_units(upper: Row, lower: Row) -> bool:
     """Return whether both rows have units of the same quantities, so that neither has the names.
 
     Raises
@@ -145,11 +145,11 @@ def _repeats_units(upper: Row, lower: Row) -> bool:
     if any(one is None or other is None or one.dimension != other.dimension for one, other in pairs):
         return False
     if any(one != other for one, other in pairs):
-        raise two_rows_of_units(lower.line, upper.filled, lower.filled)
+        raise _two_rows_of_units(lower.line, upper.filled, lower.filled)
     return True
 
 
-def two_rows_of_units(line: int, upper: Sequence[str], lower: Sequence[str]) -> RigctlError:
+def _two_rows_of_units(line: int, upper: Sequence[str], lower: Sequence[str]) -> RigctlError:
     """Make the error for two rows of units that differ, below the names of a table."""
     return RigctlError(
         "two rows of units below the names",

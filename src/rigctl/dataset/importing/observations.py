@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from rigctl.dataset.importing.checks import beyond_limits, impossible, marks_of, to_si, without_marks
+from rigctl.dataset.importing.checks import InvalidRows, impossible, marks_of, to_si, without_marks
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.labels import read_label
 from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark
-from rigctl.dataset.importing.table import Fault, Part, Source, cut
+from rigctl.dataset.importing.table import KEPT_FAULTS, Part, Source, cut
 from rigctl.errors import Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 from rigctl.rig.layout import Layout
@@ -29,8 +29,10 @@ if TYPE_CHECKING:
 _CONDITIONS: Final = ("K", "Pa")
 #: rows from which an increase is no coincidence
 _FEWEST: Final = 5
-#: share of increases among the changes from row to row; a clock may have been set back, or have started again
+#: share of increases among many changes from row to row; a clock may have been set back, or started again
 _RISING: Final = 0.8
+#: changes from which a share of them says anything; of fewer, all have to be increases
+_MANY: Final = 10
 
 
 @dataclass(frozen=True)
@@ -105,40 +107,36 @@ def take_observations(
     result = Survey()
     sentinels = Sentinels([column.index for column in assigned if column.unit is not None])
     parts = []
-    more = 0
     for part in source.parts(*places_of(assigned)):
-        bad = {row for column in part.columns.values() for row in np.flatnonzero(np.isinf(column)).tolist()}
-        faults = [Fault(int(part.lines[row]), "not a finite number", group=part.group) for row in sorted(bad)]
-        good = np.array([row not in bad for row in range(len(part.lines))], dtype=bool)
+        bad = InvalidRows(part)
+        for column in part.columns.values():
+            bad.add(np.flatnonzero(np.isinf(column)), "not a finite number")
         columns = {index: without_marks(column, marks) for index, column in part.columns.items()}
-        parts.append(cut(replace(part, columns=columns, faults=(), more_faults=0), good))
+        parts.append(cut(replace(part, columns=columns, faults=(), more_faults=0), bad.others))
         sentinels.take(parts[-1])
-        result.faults += [*part.faults, *faults]
-        more += part.more_faults
+        result.faults += [*part.faults, *bad.faults()]
+        result.bad_rows += len(part.faults) + part.more_faults + bad.count
     found = sentinels.found() if keep_marks is False else {}
     parts = [_of_possible_commands(blanked(part, found), assigned, result) for part in parts]
     result.rows = sum(len(part.lines) for part in parts)
     for column in assigned:
         _refuse_a_time(source, column, [part.columns[column.index] for part in parts if column.unit])
     result.impossible = _impossible(assigned, parts)
-    result.faults.sort(key=lambda fault: fault.line)
-    result.bad_rows = len(result.faults) + more
+    result.faults.sort(key=lambda fault: (str(fault.path or ""), fault.line))
+    del result.faults[KEPT_FAULTS:]
     remarks = tuple(remark(column.name, found[column.index]) for column in assigned if column.index in found)
     return Observations(source, assigned, parts, result, remarks)
 
 
 def _of_possible_commands(part: Part, assigned: Sequence[Assigned], result: Survey) -> Part:
     """Return the rows whose commands their actuators can have taken; the others become faults."""
-    good = np.ones(len(part.lines), dtype=bool)
+    bad = InvalidRows(part)
     for column in assigned:
-        if column.kind != "command":
-            continue
-        values = to_si(column, part.columns[column.index])
-        for row in np.flatnonzero(impossible(column, values) & good).tolist():
-            fault = beyond_limits(column, float(values[row]))
-            result.faults.append(Fault(int(part.lines[row]), *fault, group=part.group))
-            good[row] = False
-    return cut(part, good)
+        if column.kind == "command":
+            bad.add_beyond_limits(column, to_si(column, part.columns[column.index]))
+    result.faults += bad.faults()
+    result.bad_rows += bad.count
+    return cut(part, bad.others)
 
 
 def _impossible(assigned: Sequence[Assigned], parts: Sequence[Part]) -> dict[str, int]:
@@ -160,7 +158,8 @@ def _refuse_a_time(source: Source, column: Assigned, values: Sequence[NDArray[np
     every = every[np.isfinite(every)]
     changes = np.diff(every)
     changes = changes[changes != 0.0]
-    if len(changes) < _FEWEST - 1 or np.mean(changes > 0.0) < _RISING or heading.name != column.heading.name:
+    share = _RISING if len(changes) >= _MANY else 1.0
+    if len(changes) < _FEWEST - 1 or np.mean(changes > 0.0) < share or heading.name != column.heading.name:
         return
     name, unit = heading.name, column.unit.text
     often = "increases" if (changes > 0.0).all() else "mostly increases"

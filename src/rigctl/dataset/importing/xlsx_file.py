@@ -22,7 +22,7 @@ from rigctl.dataset.importing.groups import (
     open_groups,
 )
 from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
-from rigctl.dataset.importing.layouts import two_rows_of_units
+from rigctl.dataset.importing.layouts import Row, repeats_units
 from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import (
@@ -75,7 +75,7 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
 
     with clear_errors(path, "XLSX"), open(path, "rb", opener=regular) as raw:
         book = load_workbook(raw, read_only=True, data_only=True, keep_links=False)
-        sheets = [_read(sheet, options.heading) for sheet in book.worksheets]
+        sheets = [_read(path, sheet, options.heading) for sheet in book.worksheets]
     tables = [sheet for sheet in sheets if sheet is not None]
     if not tables:
         raise RigctlError(
@@ -91,39 +91,55 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
     return replace(file, remarks=(*file.remarks, *remarks))
 
 
-def _read(sheet: Any, stated: int | None) -> _Sheet | None:
+def _read(path: Path, sheet: Any, stated: int | None) -> _Sheet | None:
     """Return the table of a sheet; None for a sheet without one.
 
     Parameters
     ----------
     stated: by the user, the row of the heading; 0 if there is none.
+
+    Raises
+    ------
+    RigctlError
+        there are two rows of units, which differ.
     """
     if hasattr(sheet, "reset_dimensions"):
         sheet.reset_dimensions()  # the size stored in the file may be wrong
     rows = enumerate(sheet.iter_rows(values_only=True), start=1)
     if stated is not None:
         return _below_stated(sheet.title, rows, stated)
+    try:
+        return _below_names(sheet.title, rows)
+    except RigctlError as error:
+        error.what = f"in sheet '{sheet.title}': {error.what}"
+        error.at(Location(path))
+        raise
+
+
+def _below_names(title: str, rows: Iterator[tuple[int, Sequence[Any]]]) -> _Sheet | None:
+    """Return the table below the last row of names, which one or more rows of the same units may follow."""
     heading: tuple[int, Sequence[Any]] | None = None
     units: Sequence[Any] = ()
     above: dict[int, Any] = {}
     for number, cells in rows:
         filled = [cell for cell in cells if not _blank(cell)]
         if filled and all(isinstance(cell, str) for cell in filled):
-            if heading is not None and number == heading[0] + 1 and _are_units(filled):
-                units = cells
-            elif heading is not None and number == heading[0] + 2 and units and _are_units(filled):
-                if tuple(cells) != tuple(units):
-                    raise two_rows_of_units(number, [str(cell) for cell in units if not _blank(cell)], filled)
-                heading = (heading[0] + 1, heading[1])  # and there may be a third
-            else:
-                adjoins = heading is not None and number == heading[0] + 1
-                above = _named({**above, **_named(heading[1])}, without=cells) if adjoins and heading else {}
+            adjoins = heading is not None and number == heading[0] + 1 + bool(units)
+            higher = {**above, **_named(heading[1])} if heading is not None and adjoins else {}
+            if heading is None or not adjoins or not _are_units(filled):
+                above = {} if units else _named(higher, without=cells)
                 heading, units = (number, cells), ()
+            elif units and repeats_units(_row(number - 1, units), _row(number, cells)):
+                heading = (number - 1, heading[1])  # and there may be a third
+            elif units:  # they are names, which look like units: t, T, V
+                above, heading, units = _named(higher, without=units), (number - 1, units), cells
+            else:
+                units = cells
         elif filled and heading is not None:
             below = _below([cells, *(cells for _, cells in rows)])
             merged = {index: cell for index, cell in above.items() if _filled(below, index)}
             names = _names({**merged, **_named(heading[1])}, units)
-            return _Sheet(sheet.title, names, number, below)
+            return _Sheet(title, names, number, below)
         if number > _HEAD:
             return None
     return None
@@ -170,6 +186,10 @@ def _unnamed(sheet: _Sheet) -> Iterator[str]:
 
 def _blank(cell: Any) -> bool:
     return cell is None or (isinstance(cell, str) and not cell.strip())
+
+
+def _row(number: int, cells: Sequence[Any]) -> Row:
+    return Row(number, number, tuple("" if _blank(cell) else str(cell) for cell in cells))
 
 
 def _are_units(cells: Sequence[str]) -> bool:
