@@ -53,11 +53,6 @@ def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
     return " ".join(words)
 
 
-def then(*commands: str, windows: bool = os.name == "nt") -> str:
-    """Commands in sequence, each only if the previous one succeeded; Windows PowerShell has no ``&&``."""
-    return ("; " if windows else " && ").join(one for one in commands if one)
-
-
 def shell_word(text: str) -> str:
     """An argument as it is typed, in quotes where a shell would change it."""
     return text if _PLAIN.fullmatch(text) else quoted(text)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import shlex
 
-from rigctl.cli.next_command import page_of
-from rigctl.command_line import DataOptions, analysis, quoted, then
+import pytest
+
+from rigctl.cli.next_command import page_of, show_next
+from rigctl.command_line import DataOptions, analysis, quoted
 
 
 def test_the_next_command_keeps_the_selection_of_records() -> None:
@@ -14,10 +16,16 @@ def test_the_next_command_keeps_the_selection_of_records() -> None:
     assert told == f'rigctl diagnose latest --model "my models/a.yaml" {chosen}'
 
 
-def test_commands_in_sequence_and_quotes_work_in_the_shell_of_each_system() -> None:
-    assert then("cd a", "rigctl serve", windows=False) == "cd a && rigctl serve"
-    assert then("", "rigctl serve", windows=False) == "rigctl serve"
-    assert then("cd a", "rigctl serve", windows=True) == "cd a; rigctl serve"
+def test_commands_in_sequence_and_quotes_work_in_the_shell_of_each_system(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    show_next("rigctl model remove a.yaml fan\nrigctl model add a.yaml fan.yaml", "adds it in place of fan")
+    assert capsys.readouterr().out.splitlines() == [
+        "",
+        "Next: rigctl model remove a.yaml fan",
+        "      rigctl model add a.yaml fan.yaml",
+        "  adds it in place of fan",
+    ]
     assert quoted("it's $5", windows=True) == "'it''s $5'"
     assert quoted("oil > 30 degC", windows=True) == '"oil > 30 degC"'
     assert shlex.split(quoted("it's $5", windows=False)) == ["it's $5"]

@@ -26,10 +26,9 @@ def walk(*starts: str) -> list[str]:
         if command in done:
             continue
         done.append(command)
-        for one in command.split(" && "):
-            ended = call(*_words(one))
-            assert ended.exit_code == 0, f"{one}\n{ended.output}\n{ended.exception}"
-            waiting += _NEXT.findall(ended.output)
+        ended = call(*_words(command))
+        assert ended.exit_code == 0, f"{command}\n{ended.output}\n{ended.exception}"
+        waiting += _NEXT.findall(ended.output)
     assert not waiting, f"it goes on: {waiting}"
     return done
 

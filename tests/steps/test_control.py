@@ -193,7 +193,7 @@ def test_a_bumpless_start_that_cancels_a_large_step_says_so(
     assert len(told) == cancelled
     if cancelled:
         assert told[0].startswith("start: bumpless cancels a step of 30 bar of 'relief_valve'")
-        assert told[0].endswith("'start: zero' takes it")
+        assert told[0].endswith("'start: zero' makes this step")
 
 
 def heat(tmp_path: Path, fields: str, before: str = "", **options: object) -> RunLog:

@@ -8,12 +8,17 @@ from shlex import quote
 from rich.markup import escape
 
 from rigctl.cli.tables import console
-from rigctl.command_line import DataOptions, analysis
+from rigctl.command_line import DataOptions, analysis, shell_word
 
 
 def show_next(command: str, why: str) -> None:
-    """Show the command, and below it what it does."""
-    console().print(f"\nNext: [bold]{escape(command)}[/]\n  {escape(why)}", soft_wrap=True)
+    """Show the command, or the commands in lines of their own, and below what they do."""
+    console().print(f"\nNext: [bold]{escape(one_below_another(command))}[/]\n  {escape(why)}", soft_wrap=True)
+
+
+def one_below_another(commands: str) -> str:
+    """The lines behind ``Next:``; no sign between commands works in every shell."""
+    return commands.replace("\n", "\n      ")
 
 
 def enter_environment() -> tuple[str, ...]:
@@ -33,7 +38,7 @@ def enter_environment() -> tuple[str, ...]:
     script = scripts / "activate"
     if Path.cwd() in script.parents:
         script = script.relative_to(Path.cwd())
-    return (str(script) if os.name == "nt" else f"source {quote(str(script))}",)
+    return (shell_word(str(script)) if os.name == "nt" else f"source {quote(str(script))}",)
 
 
 def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None, *own: str) -> str:

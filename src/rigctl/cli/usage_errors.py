@@ -21,6 +21,7 @@ from rigctl.errors import RigctlError, SeveralErrors, unknown_name
 
 #: what a value of each type is called
 _KINDS: Final[Mapping[object, str]] = {int: "a whole number", float: "a number"}
+_NUMBER: Final = re.compile(r"[-+]?[.,]?\d[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @contextmanager
@@ -39,7 +40,7 @@ def one_style() -> Iterator[None]:
     except Exception as error:
         if getattr(error, "exit_code", None) != 2 or "NoArgsIsHelp" in type(error).__name__:
             raise
-        if isinstance(error, RigctlError):
+        if isinstance(error, RigctlError | typer.Exit):
             raise
         raise _as_ours(error) from error
 
@@ -87,7 +88,7 @@ def _named(error: RigctlError, params: Sequence[Any], written: Mapping[str, list
     if isinstance(error, SeveralErrors) or error.where.line or any(name in error.what for name in names):
         return error  # the file and line, or the option, say where
     path = str(error.where.file) if error.where.file else ""
-    for fits, quoted in product((str.__eq__, _holds), (error.value, path)):
+    for fits, quoted in product((_is, _holds), (error.value, path)):
         about = [one for one in params if any(fits(text, quoted or "") for text in written.get(one.name, ()))]
         if len(about) == 1:
             error.what = f"{_shown_name(about[0])}: {error.what}"
@@ -95,9 +96,21 @@ def _named(error: RigctlError, params: Sequence[Any], written: Mapping[str, list
     return error
 
 
+def _is(text: str, quoted: str) -> bool:
+    return text.strip() == quoted.strip() != ""
+
+
 def _holds(text: str, quoted: str) -> bool:
-    """Whether a written value contains what a message quotes, or is the relative form of a path in it."""
-    return quoted.strip() != "" and (quoted.strip() in text or quoted == str(Path.cwd() / text))
+    """Whether a written value contains the words that a message quotes, or is the relative form of its path.
+
+    A bare number may stand for anything: it is no option's unless it is the whole value.
+    """
+    words = quoted.strip()
+    if not words or _NUMBER.fullmatch(words):
+        return False
+    before, behind = r"(?<![\w.])" * words[0].isalnum(), r"(?!\w)" * words[-1].isalnum()
+    found = re.search(f"{before}{re.escape(words)}{behind}", text)
+    return found is not None or quoted == str(Path.cwd() / text)
 
 
 def _as_ours(error: Any) -> RigctlError:
@@ -115,7 +128,7 @@ def _as_ours(error: Any) -> RigctlError:
         unknown = unknown_name("option", str(option), named)
         unknown.expected, unknown.hint = None, hint
         if re.match(r"-[.\d]", str(option)):
-            unknown.hint = "'--' before a value that begins with '-' says that it is no option"
+            unknown.hint = "'--' before a value that begins with '-' marks it as a value"
         return unknown
     text = str(error.message).rstrip(".")
     nested = getattr(getattr(context, "command", None), "commands", None)

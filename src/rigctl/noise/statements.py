@@ -32,7 +32,7 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
     if noise.step > 0.5 * noise.sigma:
         parts.append(f"converter steps of {noise.step / noise.sigma:.1f} sigma")
     if noise.allowed:
-        parts.append(_allowed(noise))
+        parts.append(f"errors {_allowed(noise)}")
     if noise.remark:
         parts.append(noise.remark)
     if noise.masked:
@@ -60,7 +60,7 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
         why = " and ".join(dict.fromkeys(_FROM[channel.source] for channel in guessed))
         parts.append(f"only guessed for {which}, from {why}")
     parts += [f"that of {channel.name} {_growth(channel)}" for channel in channels if channel.law is not None]
-    parts += [f"for {channel.name}, {_allowed(channel)}" for channel in channels if channel.allowed]
+    parts += [f"errors of {channel.name} {_allowed(channel)}" for channel in channels if channel.allowed]
     parts += [f"of {channel.name} {channel.remark}" for channel in channels if channel.remark]
     masked = sum(channel.masked for channel in channels)
     if masked:
@@ -69,10 +69,12 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
 
 
 def _allowed(noise: ChannelNoise) -> str:
-    """Which errors count as noise by the rig file; in floors, since units are unknown here."""
-    times = f"{significant(noise.allowed / noise.floor, 2)} times that" if noise.floor else "the noise"
+    """Up to which size errors count as noise by the rig file; in floors, since units are unknown here."""
+    size = (
+        f"{significant(noise.allowed / noise.floor, 2)} times its white noise" if noise.floor else "its noise"
+    )
     slowly = f" if they change over {significant(noise.over, 2)} s or so" if noise.over else ""
-    return f"errors up to {times}, which the rig file states, count as noise{slowly}"
+    return f"up to {size} count as noise{slowly}, as the rig file states"
 
 
 def _growth(noise: ChannelNoise) -> str:

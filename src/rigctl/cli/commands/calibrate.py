@@ -87,9 +87,7 @@ def calibrate(
     if (points is not None) + (run is not None) > 1:
         raise RigctlError("points come from one source", value="--points and --run", expected="one of them")
     if against is not None and run is None:
-        raise RigctlError(
-            "--against names a value of the records of a run, and none was named", expected="--run RUN"
-        )
+        raise RigctlError("--against needs a run", expected="--run RUN")
     bench = open_rig(rig)
     if channel not in bench.channels:
         raise unknown_name("channel", channel, bench.channels)

@@ -287,7 +287,7 @@ def _lead_on(
 def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
     """If the data suggest another law of an effect: write it, or add what was written."""
     from rigctl.cli.next_command import show_next
-    from rigctl.command_line import DataOptions, command, then
+    from rigctl.command_line import DataOptions, command
 
     laws = [one for one in diagnosis.laws if one.offered]
     if not laws:
@@ -303,7 +303,7 @@ def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOp
     instead = f" in place of {first.effect}" * present
     fitted = "exponent" if first.offered == "power" else "factor"
     show_next(
-        then(remove, add) if present else add,
+        f"{remove}\n{add}" if present else add,
         f"adds it{instead} with its {fitted} fitted, and reports the error before and after",
     )
     return True

@@ -134,7 +134,8 @@ def init(
 
     Example: rigctl init --minimal
     """
-    from rigctl.command_line import shell_word, then
+    from rigctl.cli.next_command import one_below_another
+    from rigctl.command_line import shell_word
 
     written = create_project(directory, minimal=minimal)
     if as_json:
@@ -142,6 +143,6 @@ def init(
         return
     for path in written:
         echo(f"  {path}")
-    inside = "" if directory == Path() else f"cd {shell_word(str(directory))}"
+    inside = "" if directory == Path() else f"cd {shell_word(str(directory))}\n"
     command = "family new my_bench --csv FILE" if minimal else "check procedures/quick-check.yaml"
-    echo(f"\nNext: {then(inside, f'rigctl {command}')}")
+    echo(f"\nNext: {one_below_another(f'{inside}rigctl {command}')}")

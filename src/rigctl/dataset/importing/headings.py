@@ -101,7 +101,7 @@ _ENDINGS: Final = frozenset(
 #: columns whose whole name is a unit, which is also kept as their name: rpm
 _NAMED_AS_UNIT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("volt", "volts", "vdc"), "V"),
-    **dict.fromkeys(("amp", "amps"), "A"),
+    "amps": "A",
     "rpm": "rpm",
     "mbar": "mbar",
     "kpa": "kPa",

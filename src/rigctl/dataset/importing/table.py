@@ -204,8 +204,8 @@ def refuse(path: Path, faults: Sequence[Fault], count: int, *, imports: bool = T
     if beyond is not None:
         name = beyond.partition(":")[0]
         hint += (
-            f"; '--missing VALUE' says that a number is no command, --columns 'THEIRS={name} [UNIT]' that "
-            "it has another unit, and 'low' and 'high' in the rig file are the limits"
+            f"; '--missing VALUE' marks a number as missing, --columns 'THEIRS={name} [UNIT]' states another "
+            "unit, and 'low' and 'high' in the rig file are the limits"
         )
     more = count - len(listed)
     rest = f"{count} bad row{'' if count == 1 else 's'}" + (f", {more} of them not listed" if more else "")

@@ -216,7 +216,7 @@ class Watch:
         self._bench.event(
             "note",
             f"start: bumpless cancels a step of {show(step, unit, difference=True)} of '{action.actuator}', "
-            "which the gain and the feed-forward ask for at the start; 'start: zero' takes it",
+            "which the gain and the feed-forward ask for at the start; 'start: zero' makes this step",
         )
 
     def settled(self, time: float, setpoint: float, value: float) -> bool:
