@@ -109,8 +109,8 @@ def take_observations(
     parts = []
     for part in source.parts(*places_of(assigned)):
         bad = InvalidRows(part)
-        for column in part.columns.values():
-            bad.add(np.flatnonzero(np.isinf(column)), "not a finite number")
+        for values in part.columns.values():
+            bad.add(np.flatnonzero(np.isinf(values)), "not a finite number")
         columns = {index: without_marks(column, marks) for index, column in part.columns.items()}
         parts.append(cut(replace(part, columns=columns, faults=(), more_faults=0), bad.others))
         sentinels.take(parts[-1])
