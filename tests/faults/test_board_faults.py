@@ -295,7 +295,7 @@ finally:
     ("identity", "message"),
     [
         (b"OTHERS,RIG-UNO,0,1.", "this is no board with rigctl's firmware, got 'OTHERS,RIG-UNO'"),
-        (b"RIGCTL,RIG-UNO,0,2.", "the board's firmware speaks another protocol, got '2.1.0'"),
+        (b"RIGCTL,RIG-UNO,0,2.", "the board's firmware speaks another protocol, got '2.1.1'"),
     ],
 )
 def test_wrong_firmware_is_reported_before_anything_moves(
