@@ -114,7 +114,9 @@ def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     Path("notes").write_text("mine", "utf-8")
     refused = refusal("diagnose", "no-such-run", "--model", "model.yaml", "--laws", "notes")
-    assert refused == "notes: --laws: a file is there; expected the name of a folder"  # before the run is opened
+    assert (
+        refused == "notes: --laws: a file is there; expected the name of a folder"
+    )  # before the run is opened
     document = answer("diagnose", run, "--model", "model.yaml", "--laws", "effects")
     assert document["effects"] == ["fan"]
     (law,) = document["laws"]

@@ -91,6 +91,8 @@ def _named(error: RigctlError, params: Sequence[Any], written: Mapping[str, list
     for fits, quoted in product((_is, _holds), (error.value, path)):
         about = [one for one in params if any(fits(text, quoted or "") for text in written.get(one.name, ()))]
         if len(about) == 1:
+            if quoted is path and not _shown_name(about[0]).startswith("--"):
+                return error  # the message begins with the file, which is the only thing it can be about
             error.what = f"{_shown_name(about[0])}: {error.what}"
             break
     return error
