@@ -103,7 +103,7 @@ def test_an_excluded_record_can_be_included_again(project: Path) -> None:
 
 @pytest.mark.parametrize("arguments", [["annotate", "latest", " "], ["exclude", FIRST, "0", "--reason", ""]])
 def test_an_empty_note_or_reason_is_refused(project: Path, arguments: list[str]) -> None:
-    with pytest.raises(RigctlError, match="is empty; expected (some words|reason)"):
+    with pytest.raises(RigctlError, match=r"is empty; expected (some words|reason)"):
         text(*arguments)
 
 
