@@ -45,7 +45,7 @@ def _words(command: str) -> list[str]:
         (white, 0.6, "", "rigctl diagnose"),  # an effect is named, and added
         (white, 0.0, "", "rigctl report"),  # nothing is missing
         (slow, 0.0, "", "rigctl report"),  # these data cannot tell
-        (slow, 0.0, "200 m", "rigctl report"),  # the noise in the rig file has a wrong unit
+        (slow, 0.0, "200 m", "rigctl compare"),  # the noise in the rig file has a wrong unit: that is all
     ],
 )
 def test_what_answers_propose_can_be_run(
