@@ -294,7 +294,8 @@ def _faults(case: Case, code: object, out: str, err: str) -> list[str]:
     found = {
         f"exit code {code}": code != 2,
         f"{len(told)} messages": len(told) != 1 or err.splitlines()[-1] != message,
-        "the name is missing": not any(name in message for name in names),
+        "the name is missing": not any(name in message for name in names)
+        and not (case.param.param_type_name == "argument" and message.startswith(f"rigctl: {case.value}: ")),
         "it suggests what was typed": suggested is not None and suggested.group(1) == case.value,
         "characters of no text": re.search(r"[^\x20-\x7e]", message.replace("ä", "").replace("…", ""))
         is not None,
