@@ -297,7 +297,7 @@ def refusal(
         worse = _held_out_squares(trial.fit) >= _held_out_squares(before)
         where = f"the {len(before.held_out)} records held out"
     else:
-        own = any(channel.own_scale for channel in before.problem.noise.channels)
+        own = bool(before.problem.noise.own_scale)
         shown = [one for one in diagnosis.ranking if one.effect in effects]
         conditions = [one for one in shown if math.isfinite(one.heldout_before)]
         if conditions and not own:

@@ -93,7 +93,7 @@ class Search(RefittedSets):
     def in_own_scale(self) -> bool:
         """Whether only the floor of some noise is known: what a model leaves is then the scale of its
         errors."""
-        return any(channel.own_scale for channel in self.before.fit.problem.noise.channels)
+        return bool(self.before.fit.problem.noise.own_scale)
 
     def nearest(self) -> RefittedSet:
         """The set with the least misfit, whatever it costs: single effects, also at finite sizes."""

@@ -156,6 +156,11 @@ class NoiseModel:
         return tuple(channel.name for channel in self.channels)
 
     @property
+    def own_scale(self) -> frozenset[str]:
+        """The channels of which only the floor is known; see `ChannelNoise.own_scale`."""
+        return frozenset(channel.name for channel in self.channels if channel.own_scale)
+
+    @property
     def sigma(self) -> NDArray[np.float64]:
         """(channels) SI, standard deviation of one sample of each channel."""
         return np.array([channel.sigma for channel in self.channels])

@@ -212,7 +212,7 @@ def left_of(model: ModelComparison) -> dict[str, float]:
     columns: dict[str, list[int]] = {}
     for column, label in enumerate(model.linearisation.regions.labels):
         columns.setdefault(label[1], []).append(column)
-    own = {channel.name for channel in model.fit.problem.noise.channels if channel.own_scale}
+    own = model.fit.problem.noise.own_scale
     sizes = {}
     for name, indices in columns.items():
         if name in own:
@@ -239,7 +239,7 @@ def errors_beside_floor(fit: FitResult, names: Sequence[str]) -> dict[str, float
 def left_of_fit(fit: FitResult) -> dict[str, float]:
     """Systematic error of a fit by channel: the excess of its whitened squares over noise, or of its error
     over the floor where only that is known."""
-    own = {channel.name for channel in fit.problem.noise.channels if channel.own_scale}
+    own = fit.problem.noise.own_scale
     sizes = {name: size for name, size in errors_beside_floor(fit, tuple(own)).items() if size > _AT_FLOOR}
     for name, error in fit.errors.items():
         if name in own:
@@ -260,8 +260,7 @@ def lefts_of_diagnosis(diagnosis: Diagnosis) -> list[dict[str, float]]:
     unproven = errors_beside_floor(fit, diagnosis.unproven_after)
     if diagnosis.remainder is None:
         return [before, unproven]
-    known = {channel.name for channel in fit.problem.noise.channels if not channel.own_scale}
-    errors = {name: one for name, one in fit.errors.items() if name in known}
+    errors = {name: one for name, one in fit.errors.items() if name not in fit.problem.noise.own_scale}
     parts = {name: max(one.count * (one.chi2_reduced - 1.0), 0.0) for name, one in errors.items()}
     total = sum(parts.values())
     after = {

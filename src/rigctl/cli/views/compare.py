@@ -235,7 +235,7 @@ def _side_by_side(models: Sequence[ModelComparison]) -> Table:
                     for cell, unit in zip(cells, units, strict=True)
                 ]
                 grid.add_row(f"  {label}", *shown)
-    if not any(one.own_scale for model in models for one in model.fit.problem.noise.channels):
+    if not any(model.fit.problem.noise.own_scale for model in models):
         grid.add_row("reduced χ²", *(significant(model.fit.chi2_reduced) for model in models))
     for test in _ASKS:
         tests = [model.adequacy.tests.get(test) for model in models]

@@ -20,6 +20,6 @@ def model_error(fit: FitResult) -> ModelError:
         {name: error.rmse for name, error in fit.errors.items()},
         units,
         heldout_rmse={name: error.rmse for name, error in fit.heldout_errors.items()},
-        chi2_reduced=None if any(one.own_scale for one in fit.problem.noise.channels) else fit.chi2_reduced,
+        chi2_reduced=None if fit.problem.noise.own_scale else fit.chi2_reduced,
         noise={name: error.noise for name, error in fit.errors.items()},
     )
