@@ -13,7 +13,7 @@ from rigctl.validation.moving.trial import MovingTrial
 from rigctl.validation.moving_benches.campaign import Statement
 from rigctl.validation.moving_benches.excitation import MOTIONS, Motion
 from rigctl.validation.moving_benches.register import TWINS
-from rigctl.validation.moving_benches.slow_noise import COLOURS
+from rigctl.validation.moving_benches.slow_noise import COLOURS, Colour
 
 #: benches of the spoiled logs, and the motion of each
 _SPOILED: tuple[tuple[str, Motion], ...] = (("spring", "multisine"), ("tanks", "prbs"), ("motor", "sine"))
@@ -22,25 +22,40 @@ _SPOILED: tuple[tuple[str, Motion], ...] = (("spring", "multisine"), ("tanks", "
 def moving_trials() -> tuple[MovingTrial, ...]:
     """Every bench, motion and colour of noise, stated in every way, hiding nothing and something.
 
-    Then logs that are spoiled. In an order in which any part of them is a fair sample of all.
+    Noise that is not stated comes twice: its rates matter most for a bench that never rests. Then logs that
+    are spoiled. In an order in which any part of them is a fair sample of all.
     """
-    trials = [*_nothing_or_hidden(), *_spoiled()]
+    trials = [*_every_statement(), *_unstated_again(), *_spoiled()]
     order = np.random.default_rng(0).permutation(len(trials))
     return tuple(trials[int(i)] for i in order)
 
 
-def _nothing_or_hidden() -> Iterator[MovingTrial]:
+def _every_statement() -> Iterator[MovingTrial]:
     seed = 0
-    for name, motion in product(TWINS, MOTIONS):
-        twin = TWINS[name]
-        if motion == "decay" and not twin.decay:
-            continue
-        acting = [each.name for each in twin.hidden if not each.only or motion in each.only]
-        for colour, stated in product(COLOURS, range(3)):
+    for name, motion, colour in _benches():
+        for stated in range(3):
             statement = _statement(stated, seed)
             seed += 1
-            yield MovingTrial(name, motion, "", colour, statement, seed)
-            yield MovingTrial(name, motion, acting[seed % len(acting)], colour, statement, 10_000 + seed)
+            yield from _nothing_or_hidden(name, motion, colour, statement, seed)
+
+
+def _unstated_again() -> Iterator[MovingTrial]:
+    for turn, (name, motion, colour) in enumerate(_benches()):
+        yield from _nothing_or_hidden(name, motion, colour, "unstated", 30_000 + turn)
+
+
+def _benches() -> Iterator[tuple[str, Motion, Colour]]:
+    for name, motion in product(TWINS, MOTIONS):
+        if motion != "decay" or TWINS[name].decay:
+            yield from ((name, motion, colour) for colour in COLOURS)
+
+
+def _nothing_or_hidden(
+    name: str, motion: Motion, colour: Colour, statement: Statement, seed: int
+) -> Iterator[MovingTrial]:
+    acting = [each.name for each in TWINS[name].hidden if not each.only or motion in each.only]
+    yield MovingTrial(name, motion, "", colour, statement, seed)
+    yield MovingTrial(name, motion, acting[seed % len(acting)], colour, statement, 10_000 + seed)
 
 
 def _statement(turn: int, seed: int) -> Statement:
