@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import unicodedata
+from pathlib import PurePosixPath, PureWindowsPath
 
 import pytest
 from hypothesis import given
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 
 from rigctl.cli.tables import PrintableConsole
 from rigctl.errors import Location, RigctlError
-from rigctl.printable import printable
+from rigctl.printable import printable, shown_path
 
 
 @given(st.text())
@@ -38,3 +39,11 @@ def test_a_table_shows_no_escape_sequence_of_a_cell(capsys: pytest.CaptureFixtur
     shown = capsys.readouterr().out
     assert "bench" in shown
     assert not any(sign in shown for sign in ("\x1b", "\x9b", "\x07"))
+
+
+def test_a_path_is_shown_with_forward_slashes_on_every_system() -> None:
+    assert shown_path(PureWindowsPath(r"C:\Grüße aus Köln\rigs\a.yaml")) == "C:/Grüße aus Köln/rigs/a.yaml"
+    assert shown_path(PureWindowsPath(r"\\lab\share\runs")) == "//lab/share/runs"
+    assert shown_path(PurePosixPath("rigs/a.yaml")) == "rigs/a.yaml"
+    assert shown_path("s3://lab/runs") == "s3://lab/runs"
+    assert shown_path(None) == ""

@@ -70,6 +70,17 @@ def test_a_path_is_resolved_beside_the_file_then_in_the_root_then_among_shipped_
     assert project.resolve(root) == root
 
 
+@pytest.mark.parametrize("written", ["rigs\\x.yaml", "rigs/x.yaml", "rigs\\hl32-bench.yaml"])
+def test_both_slashes_are_read(tmp_path: Path, written: str) -> None:
+    """A file that was written on Windows names the same file elsewhere."""
+    project = Project(tmp_path, tmp_path / "runs")
+    (tmp_path / "rigs").mkdir()
+    (tmp_path / "rigs" / "x.yaml").write_text("", encoding="utf-8")
+    found = project.resolve(written, tmp_path / "procedures" / "p.yaml")
+    assert found.as_posix().endswith(written.replace("\\", "/"))
+    assert found.exists()
+
+
 @pytest.mark.parametrize("path", ["rigs/none.yaml", "a\0b", "~nobody-of-that-name/x", "x" * 5000])
 def test_a_missing_file_is_reported_with_the_folders_searched(tmp_path: Path, path: str) -> None:
     project = Project(tmp_path, tmp_path / "runs")
@@ -77,7 +88,7 @@ def test_a_missing_file_is_reported_with_the_folders_searched(tmp_path: Path, pa
         project.resolve(path, tmp_path / "p" / "p.yaml")
     assert caught.value.value == path
     assert caught.value.hint is not None
-    assert str(tmp_path / "p") in caught.value.hint
+    assert (tmp_path / "p").as_posix() in caught.value.hint
 
 
 def test_a_null_character_in_a_setting_is_refused(tmp_path: Path) -> None:

@@ -53,9 +53,13 @@ def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
     return " ".join(words)
 
 
-def shell_word(text: str) -> str:
-    """An argument as it is typed, in quotes where a shell would change it."""
-    return text if _PLAIN.fullmatch(text) else quoted(text)
+def shell_word(text: str, *, windows: bool = os.name == "nt") -> str:
+    """An argument as it is typed, in quotes where a shell would change it.
+
+    A backslash in a word is that of a path on Windows, where every shell and program reads a slash as well.
+    """
+    word = text.replace("\\", "/") if windows else text
+    return word if _PLAIN.fullmatch(word) else quoted(word, windows=windows)
 
 
 def quoted(text: str, *, windows: bool = os.name == "nt") -> str:

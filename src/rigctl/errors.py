@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from enum import IntEnum
 from pathlib import Path
 
-from rigctl.printable import printable
+from rigctl.printable import printable, shown_path
 
 
 class ExitCode(IntEnum):
@@ -33,7 +33,7 @@ class Location:
     column: int | None = None
 
     def __str__(self) -> str:
-        parts = [str(self.file) if self.file else "", str(self.line or ""), str(self.column or "")]
+        parts = [shown_path(self.file), str(self.line or ""), str(self.column or "")]
         return ":".join(part for part in parts if part)
 
     def or_else(self, other: Location) -> Location:
@@ -84,7 +84,7 @@ class RigctlError(Exception):
         """The parts of the message by name, for programs; None for those that are unknown."""
         return {
             "message": str(self),
-            "file": str(self.where.file) if self.where.file else None,
+            "file": shown_path(self.where.file) or None,
             "line": self.where.line,
             "column": self.where.column,
             "what": self.what,

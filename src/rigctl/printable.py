@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from pathlib import PurePath
 
 _REPLACED = "\N{REPLACEMENT CHARACTER}"
 
@@ -20,6 +21,14 @@ def printable(text: str, keep: str = "") -> str:
     if text.isprintable():
         return text
     return "".join(one if one in keep or not _controls(one) else _REPLACED for one in text)
+
+
+def shown_path(path: object) -> str:
+    """A path as messages and commands have it: with forward slashes, which Windows' programs read too.
+
+    A text is an address, or was typed by the user, and is shown as it is; without a path nothing is shown.
+    """
+    return path.as_posix() if isinstance(path, PurePath) else str(path or "")
 
 
 def _controls(character: str) -> bool:

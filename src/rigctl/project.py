@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from rigctl.errors import Location, RigctlError, nearest_name, unknown_name
 from rigctl.files.regular import read_text
 from rigctl.files.shipped import shipped
 from rigctl.files.version_suffix import path_exists
+from rigctl.printable import shown_path
 
 MARKER = "rigctl.toml"
 _SETTINGS = ("runs", "rig")
@@ -43,15 +44,17 @@ class Project:
             there is no such file; the message lists the paths that were tried.
         """
         wanted = _expanded(path)
-        folders = [relative_to.parent] if relative_to is not None else []
-        tried = [folder / wanted for folder in (*folders, self.root, shipped())]
-        for candidate in tried:
+        folders = [*([relative_to.parent] if relative_to is not None else []), self.root, shipped()]
+        tried = [folder / wanted for folder in folders]
+        # `models\\a.yaml`, as it was written on another computer, is `models/a.yaml`
+        elsewhere = [folder / PureWindowsPath(path).as_posix() for folder in folders if "\\" in str(path)]
+        for candidate in (*tried, *elsewhere):
             if path_exists(candidate):
                 return candidate
-        places = list(dict.fromkeys(str(candidate) for candidate in tried))
+        places = list(dict.fromkeys(candidate.as_posix() for candidate in tried))
         raise RigctlError(
             "there is no such file",
-            value=str(path),
+            value=shown_path(path),
             nearest=_nearest_file(wanted, tried),
             hint=f"Looked for {', '.join(places)}",
         )
@@ -111,7 +114,7 @@ def own_model(written: Path) -> Path:
     if not path_exists(written) and not path.is_relative_to(find_project().root):
         raise RigctlError(
             "this model comes with rigctl and is not changed",
-            value=str(written),
+            value=written.as_posix(),
             hint="Copy it into your project, or make one that has it with 'rigctl init'",
         )
     return path

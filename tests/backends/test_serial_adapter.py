@@ -72,6 +72,17 @@ def test_an_adapter_that_has_only_just_appeared_is_opened(bus: Bus) -> None:
     assert len(bus.opened) == 2
 
 
+def test_a_port_is_opened_by_its_name_where_the_system_cannot_list_its_ports(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken() -> None:
+        raise AttributeError("function 'CM_Get_Parent' not found")
+
+    monkeypatch.setattr(list_ports, "comports", broken)
+    connect = same_adapter(lambda: "COM3", "COM3")  # type: ignore[arg-type,return-value]
+    assert [connect(), connect()] == ["COM3"] * 2
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows permits links to administrators only")
 def test_a_link_to_a_port_is_followed(bus: Bus, tmp_path: Path) -> None:
     link = tmp_path / "bench"

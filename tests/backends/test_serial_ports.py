@@ -14,7 +14,7 @@ from rigctl.backends.lines.probe import probe
 from rigctl.backends.transport import serial_ports as ports
 from rigctl.backends.transport.port import PortLost
 from rigctl.backends.transport.pyserial_port import PyserialPort
-from rigctl.clock import VirtualClock
+from rigctl.clock import VirtualClock, real_clock
 from rigctl.errors import RigctlError
 from tclab_board import VERSION, MemoryPort, Sketch
 
@@ -147,3 +147,25 @@ def test_a_port_that_does_more_than_connect_is_refused(tmp_path: Path, url: str)
     with pytest.raises(RigctlError, match="not a kind of port"):
         PyserialPort(url.format(folder=tmp_path), 115200, VirtualClock())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wait_that_a_driver_ends_with_an_error_is_no_lost_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows' number for a time-out; any other error of the same function is a lost port."""
+    import serial
+
+    class Driver:
+        timeout = 0.0
+        in_waiting = 0
+        number = 1460
+
+        def read(self, _size: int) -> bytes:
+            text = f"GetOverlappedResult failed (OSError(22, 'Timeout.', None, {self.number}))"
+            raise serial.SerialException(text)
+
+    driver = Driver()
+    monkeypatch.setattr(serial, "serial_for_url", lambda *_, **__: driver)
+    port = PyserialPort("COM3", 115200, real_clock())
+    assert port.read(0.0) == b""
+    driver.number = 5
+    with pytest.raises(PortLost, match="COM3"):
+        port.read(0.0)

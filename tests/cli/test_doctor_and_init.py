@@ -90,6 +90,21 @@ def test_doctor_lists_ports_and_their_fixes(monkeypatch: pytest.MonkeyPatch, tmp
     assert (findings["/dev/ttyUSB0"]["state"], findings["/dev/ttyUSB0"]["fix"]) == ("broken", "sudo usermod")
 
 
+def test_doctor_says_that_the_system_cannot_list_its_ports(monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+
+    def broken() -> None:
+        raise OSError("a driver is broken")
+
+    monkeypatch.setattr(list_ports, "comports", broken)
+    shown = CliRunner().invoke(app, ["doctor", "--json"])
+    told = json.loads(shown.stdout)
+    findings = {finding["subject"]: finding for finding in told["findings"]}
+    assert findings["serial ports"]["detail"] == "the system cannot list them: a driver is broken"
+    assert findings["serial ports"]["state"] == "optional"
+    assert told["ports"] == []
+
+
 def test_doctor_identifies_a_given_port() -> None:
     with Served() as board:
         shown = CliRunner().invoke(app, ["doctor", "--port", board.url, "--json"])

@@ -7,7 +7,7 @@ import shlex
 import pytest
 
 from rigctl.cli.next_command import page_of, show_next
-from rigctl.command_line import DataOptions, analysis, quoted
+from rigctl.command_line import DataOptions, analysis, quoted, shell_word
 
 
 def test_the_next_command_keeps_the_selection_of_records() -> None:
@@ -29,6 +29,12 @@ def test_commands_in_sequence_and_quotes_work_in_the_shell_of_each_system(
     assert quoted("it's $5", windows=True) == "'it''s $5'"
     assert quoted("oil > 30 degC", windows=True) == '"oil > 30 degC"'
     assert shlex.split(quoted("it's $5", windows=False)) == ["it's $5"]
+
+
+def test_a_path_typed_on_windows_is_repeated_with_forward_slashes() -> None:
+    assert shell_word(r"models\hl32.yaml", windows=True) == "models/hl32.yaml"
+    assert shell_word(r"\\lab\share\my runs", windows=True) == '"//lab/share/my runs"'
+    assert shell_word(r"a\b", windows=False) == r"a\b"
 
 
 def test_the_next_command_names_the_family_of_the_user() -> None:

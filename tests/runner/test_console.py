@@ -17,7 +17,7 @@ from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Question
 from rigctl.runner.automatic_operator import AutomaticOperator, ScriptedOperator
 from rigctl.runner.console import Console
-from rigctl.runner.keys import _PosixKeys, input_is_empty, open_keys
+from rigctl.runner.keys import _PosixKeys, input_is_empty, is_terminal, open_keys
 from rigctl.runner.launch import Launch
 from rigctl.runner.operator import read_answer
 from rigctl.runner.requests import Request
@@ -125,8 +125,25 @@ def test_an_input_from_which_nothing_comes_is_recognised(tmp_path: Path) -> None
     with file.open(encoding="utf-8") as answers:
         assert input_is_empty(answers)
     there, here = os.pipe()  # somebody may still write to it
-    with os.fdopen(there, encoding="utf-8") as pipe, os.fdopen(here, "w"):
-        assert not input_is_empty(pipe)
+    with os.fdopen(there, encoding="utf-8") as pipe:
+        with os.fdopen(here, "w") as writer:
+            assert not input_is_empty(pipe)
+            writer.write("12 s\n")
+        assert not input_is_empty(pipe)  # nobody writes any more, but there is a line
+        assert pipe.readline() == "12 s\n"
+        assert input_is_empty(pipe)
+
+
+def test_only_a_terminal_is_typed_into(tmp_path: Path) -> None:
+    """Windows calls the null device a terminal: a run under a scheduler waited for keys there."""
+    file = tmp_path / "answers"
+    file.write_text("", encoding="utf-8")
+    with Path(os.devnull).open(encoding="utf-8") as null, file.open(encoding="utf-8") as closed:
+        assert not is_terminal(null)
+        assert not is_terminal(closed)
+    assert not is_terminal(closed)
+    assert not is_terminal(None)
+    assert not is_terminal(io.StringIO(""))
 
 
 @pytest.mark.parametrize(

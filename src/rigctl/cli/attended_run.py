@@ -111,7 +111,7 @@ def _tell_end(result: RunResult, *, as_json: bool) -> None:
         folder = result.folder
         document = {
             "run": folder.name if folder is not None else None,
-            "path": str(folder) if folder is not None else None,
+            "path": folder.as_posix() if folder is not None else None,
             "status": result.status,
             "reason": result.reason,
             "records": result.records,
@@ -127,7 +127,7 @@ def _tell_end(result: RunResult, *, as_json: bool) -> None:
     else:
         echo(result.summary())
         if result.folder is not None:
-            echo(f"  {result.folder}")
+            echo(f"  {result.folder.as_posix()}")
         if test is not None and test.measures:
             _report_test(test)
         for sentence in stuck:
@@ -171,7 +171,6 @@ def say_warnings(warnings: Sequence[str]) -> None:
 
 def typing_possible() -> bool:
     """Whether a person can type here: stdin is a terminal."""
-    try:
-        return sys.stdin is not None and sys.stdin.isatty()
-    except ValueError:  # closed
-        return False
+    from rigctl.runner.keys import is_terminal
+
+    return is_terminal(sys.stdin)

@@ -38,7 +38,9 @@ def enter_environment() -> tuple[str, ...]:
     script = scripts / "activate"
     if Path.cwd() in script.parents:
         script = script.relative_to(Path.cwd())
-    return (shell_word(str(script)) if os.name == "nt" else f"source {quote(str(script))}",)
+    if os.name == "nt":  # cmd takes what follows a forward slash for an option of the command
+        return (shell_word(str(script), windows=False),)
+    return (f"source {quote(str(script))}",)
 
 
 def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None, *own: str) -> str:

@@ -303,8 +303,8 @@ def rescue_roots() -> list[Path]:
 
 def _kept_elsewhere(why: str, before: Path, folder: Path) -> RigctlError:
     return RigctlError(
-        f"{why}; samples are kept in {folder} instead",
-        hint=f"'rigctl runs verify {folder}' shows what is there",
+        f"{why}; samples are kept in {folder.as_posix()} instead",
+        hint=f"'rigctl runs verify {folder.as_posix()}' shows what is there",
         where=Location(before),
         exit_code=ExitCode.FAILED,
     )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import replace_file, write_error
+from rigctl.printable import shown_path
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -41,7 +42,7 @@ def open_parquet(path: Path | StoredFile) -> Iterator[pq.ParquetFile]:
             except (OSError, pa.ArrowException) as problem:
                 raise RigctlError(
                     f"the object in storage cannot be read: {problem}",
-                    value=str(path),
+                    value=shown_path(path),
                     exit_code=ExitCode.FAILED,
                 ) from problem
         return

@@ -132,6 +132,6 @@ def _of_files(name: str, path: Path) -> Iterator[Effect]:
 
     files = effect_files(path) if path.is_dir() else [path]
     if not files:
-        raise RigctlError(f"the folder registered as {name!r} has no effect files", value=str(path))
+        raise RigctlError(f"the folder registered as {name!r} has no effect files", value=path.as_posix())
     for file in files:
         yield load_effect(file)

@@ -32,7 +32,7 @@ def private_folder(folder: Path) -> None:
     if hasattr(os, "geteuid") and folder.stat().st_uid == os.geteuid():
         folder.chmod(stat.S_IMODE(folder.stat().st_mode) & ~_OTHERS)
     if not is_private(folder):
-        raise PermissionError(f"{folder} can be changed by other users")
+        raise PermissionError(f"{folder.as_posix()} can be changed by other users")
 
 
 def is_private(path: Path) -> bool:

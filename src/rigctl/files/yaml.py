@@ -76,7 +76,7 @@ def read_document(path: Path) -> Document:
         with open(path, "rb", opener=regular) as file:  # read only up to the limit: it may grow
             content = file.read(MAX_BYTES + 1)
     except FileNotFoundError as problem:
-        raise RigctlError("there is no such file", value=str(path), where=where) from problem
+        raise RigctlError("there is no such file", value=path.as_posix(), where=where) from problem
     except (OSError, ValueError) as problem:
         raise RigctlError(f"cannot read the file: {_reason(problem)}", where=where) from problem
     if len(content) > MAX_BYTES:

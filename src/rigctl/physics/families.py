@@ -138,8 +138,8 @@ def _of_file(written: str, beside: Path | None) -> ModelFamily:
         raise RigctlError(
             "a Python file is not run because another file names it",
             value=written,
-            hint=f"If you trust it, name it on the command line: '--family {path}'; or install it as a "
-            f"package that registers its family under the entry point group '{ENTRY_POINTS}'",
+            hint=f"If you trust it, name it on the command line: '--family {path.as_posix()}'; or install it "
+            f"as a package that registers its family under the entry point group '{ENTRY_POINTS}'",
         )
     return load_family(path, taken=FAMILIES)
 

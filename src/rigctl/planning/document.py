@@ -18,9 +18,9 @@ def as_document(preview: Preview, warnings: Sequence[str] = ()) -> dict[str, Any
     plan = preview.plan
     return {
         "procedure": plan.name,
-        "path": str(plan.procedure.path) if plan.procedure.path else None,
+        "path": plan.procedure.path.as_posix() if plan.procedure.path else None,
         "rig": plan.rig.name,
-        "rig_path": str(plan.rig.path) if plan.rig.path else None,
+        "rig_path": plan.rig.path.as_posix() if plan.rig.path else None,
         "digest": plan.digest,
         "arguments": dict(plan.arguments),
         "start": {name: _display(preview, name, si) for name, si in preview.start_readings.items()},

@@ -164,7 +164,7 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
             renamed.append(f"{column.theirs}={column.name} [{column.unit}]")
     if not columns:
         raise RigctlError(
-            "there is nothing measured in this file", value=str(path), expected="columns of numbers"
+            "there is nothing measured in this file", value=path.as_posix(), expected="columns of numbers"
         )
     if times is not None and plain_options.times == "refuse":
         plain_options = replace(plain_options, times=_policy(columns, times, codes))

@@ -32,7 +32,7 @@ class Report:
     def summary(self) -> str:
         """One sentence for a person."""
         figures = f" and {len(self.figures)} figures" if self.figures else ""
-        return f"{self.page} ({self.size / 1e6:.1f} MB){figures}"
+        return f"{self.page.as_posix()} ({self.size / 1e6:.1f} MB){figures}"
 
 
 @checks_argument_types

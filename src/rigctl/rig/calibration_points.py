@@ -30,7 +30,7 @@ def read_points(path: Path, channel: Channel) -> list[Point]:
     try:
         text = read_text(path, "utf-8-sig")
     except FileNotFoundError as problem:
-        raise RigctlError("there is no such file", value=str(path), where=Location(path)) from problem
+        raise RigctlError("there is no such file", value=path.as_posix(), where=Location(path)) from problem
     except (OSError, UnicodeDecodeError) as problem:
         raise RigctlError(f"cannot read the file: {problem}", where=Location(path)) from problem
     rows = list(csv.reader(io.StringIO(text)))[: _MOST + 1]

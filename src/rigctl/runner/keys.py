@@ -13,6 +13,9 @@ from typing import Any, Protocol, TextIO
 
 from rigctl.runner.requests import Request
 
+if sys.platform == "win32":
+    from rigctl.runner import windows_input
+
 #: request of each key to a run in progress, with its description
 KEYS = {"p": Request.PAUSE, "c": Request.CONTINUE, "a": Request.ABORT, "q": Request.ABORT}
 HELP = "p pause, c continue, a or q end the run"
@@ -36,11 +39,7 @@ class Keys(Protocol):
 def open_keys(stream: TextIO | None = None) -> Keys:
     """The keys of a terminal, or the lines of another stream."""
     source = stream or sys.stdin
-    try:
-        terminal = source is not None and source.isatty()
-    except ValueError:  # closed
-        terminal = False
-    if not terminal:
+    if not is_terminal(source):
         return _Lines(source)
     if os.name == "nt":
         return _WindowsKeys()
@@ -49,19 +48,49 @@ def open_keys(stream: TextIO | None = None) -> Keys:
     return _Lines(None)
 
 
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether a person can type into the stream."""
+    try:
+        if stream is None or not stream.isatty():
+            return False
+        # Windows calls every character device a terminal, the null device too
+        return sys.platform != "win32" or windows_input.is_console(stream.fileno())
+    except (OSError, ValueError):  # not a file of the operating system, or closed
+        return False
+
+
 def input_is_empty(stream: TextIO | None = None) -> bool:
-    """Whether no line can be read: of a closed input, of the null device, at the end of a file."""
+    """Whether no line can be read: a closed input, the null device, the end of a file or of a pipe."""
     source = stream or sys.stdin
     if source is None or source.closed:
         return True
     try:
         descriptor = source.fileno()
-        status = os.fstat(descriptor)
-        if stat.S_ISREG(status.st_mode):
-            return os.lseek(descriptor, 0, os.SEEK_CUR) >= status.st_size
-        return stat.S_ISCHR(status.st_mode) and os.path.samestat(status, os.stat(os.devnull))  # noqa: PTH116
+        mode = os.fstat(descriptor).st_mode
+        if stat.S_ISREG(mode):
+            return os.lseek(descriptor, 0, os.SEEK_CUR) >= os.fstat(descriptor).st_size
+        if stat.S_ISCHR(mode):
+            return _is_null_device(descriptor)
+        return stat.S_ISFIFO(mode) and _is_drained(descriptor)
     except (OSError, ValueError):  # not a file of the operating system
         return False
+
+
+def _is_null_device(descriptor: int) -> bool:
+    if sys.platform == "win32":
+        return not windows_input.is_console(descriptor)
+    return os.path.samestat(os.fstat(descriptor), os.stat(os.devnull))  # noqa: PTH116
+
+
+def _is_drained(pipe: int) -> bool:
+    """Whether a pipe holds nothing, and nobody can write to it any more."""
+    if sys.platform == "win32":
+        return windows_input.is_drained(pipe)
+    import select
+
+    poll = select.poll()
+    poll.register(pipe, select.POLLIN)
+    return any(event & select.POLLHUP and not event & select.POLLIN for _, event in poll.poll(0))
 
 
 def _in_foreground(descriptor: int) -> bool:

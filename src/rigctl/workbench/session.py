@@ -113,7 +113,7 @@ class Workbench:
         chosen = choice or DataOptions()
         model = load_model(model_path)
         data = read_runs(model, runs, hold_out=chosen.hold_out, only=chosen.only, on_progress=on_progress)
-        subject = Subject(tuple(run.id for run in runs), named or str(model_path), chosen)
+        subject = Subject(tuple(run.id for run in runs), named or model_path.as_posix(), chosen)
         return cls(Opened(model, tuple(runs), data, subject), on_progress)
 
     @property

@@ -38,7 +38,7 @@ def read_intel_hex(path: Path) -> bytes:
     try:
         lines = read_text(path, "ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise RigctlError("cannot read this firmware image", value=str(path), hint=str(error)) from None
+        raise RigctlError("cannot read this firmware image", value=path.as_posix(), hint=str(error)) from None
     flash = bytearray(b"\xff" * FLASH)
     base = end = 0
     for number, line in enumerate(lines, 1):
@@ -51,11 +51,11 @@ def read_intel_hex(path: Path) -> bytes:
         elif kind == 0:
             start = base + address
             if start + len(data) > FLASH:
-                raise RigctlError("a firmware image does not fit the board", value=str(path))
+                raise RigctlError("a firmware image does not fit the board", value=path.as_posix())
             flash[start : start + len(data)] = data
             end = max(end, start + len(data))
     if not end:
-        raise RigctlError("a firmware image without a program", value=str(path))
+        raise RigctlError("a firmware image without a program", value=path.as_posix())
     return bytes(flash[:end])
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from rigctl.effects.option import read_effect_option
 from rigctl.errors import RigctlError
 from rigctl.model import Model, family_of, load_model
+from rigctl.printable import shown_path
 from rigctl.rig import Rig
 
 
@@ -32,7 +33,7 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
     if model.family.name != family.name:
         raise RigctlError(
             "this model is of another kind than the bench",
-            value=f"{model_file}: {model.family.name}",
+            value=f"{shown_path(model_file)}: {model.family.name}",
             expected=f"a model of the family {family.name}, as rig '{rig.name}' says",
         )
     for text in effects:
@@ -43,7 +44,7 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
 
 def describe(model: Model) -> str:
     """Return a brief description of the model: its origin, and its effects with their SI values."""
-    origin = str(model.path) if model.path is not None else model.family.name
+    origin = model.path.as_posix() if model.path is not None else model.family.name
     effects = [
         f"{name} ({', '.join(f'{key}={value.si:.6g}' for key, value in values.items())})"
         for name, values in model.effects.items()

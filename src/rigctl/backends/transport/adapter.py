@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 
 from rigctl.backends.transport.port import Connect, Port
+from rigctl.backends.transport.serial_ports import PortsUnlisted, system_ports
 from rigctl.errors import RigctlError
 
 
 def usb_serial_numbers() -> dict[str, str]:
-    """Return the USB serial numbers of this computer's serial ports that have one, by name of the device."""
-    from serial.tools.list_ports import comports
+    """Return the USB serial numbers of this computer's serial ports that have one, by name of the device.
 
-    return {port.device: port.serial_number for port in comports() if port.serial_number}
+    Where the system cannot list its ports, no number is known: no run depends on that list.
+    """
+    with suppress(PortsUnlisted):
+        return {port.device: port.serial_number for port in system_ports() if port.serial_number}
+    return {}
 
 
 def same_adapter(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
@@ -70,13 +71,23 @@ class PyserialPort:
         left = (until - self._clock.now()) / self._clock.speed
         try:
             self._serial.timeout = min(max(left, 0.0), _LONGEST_WAIT)
-            first: bytes = self._serial.read(1)
+            first = self._first()
             if not first:
                 return b""
             rest: bytes = self._serial.read(self._serial.in_waiting or 0)
         except self._lost as error:  # pyserial raises a TypeError if the port is closed meanwhile
             raise PortLost(f"{self.name}: {error}") from None
         return first + rest
+
+    def _first(self) -> bytes:
+        """Return the next byte, or nothing if none arrives in time."""
+        try:
+            first: bytes = self._serial.read(1)
+        except self._lost as error:
+            if _is_timeout(error):
+                return b""
+            raise
+        return first
 
     def close(self) -> None:
         """Close the port."""
@@ -87,6 +98,14 @@ class PyserialPort:
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> PyserialPort:
     """Open the port of an `Address`; its settings are ``baud`` and ``frame``."""
     return PyserialPort(url, settings["baud"], clock, settings["frame"])
+
+
+def _is_timeout(error: BaseException) -> bool:
+    """Whether nothing has arrived in time, which a driver of Windows may report as an error (ERROR_TIMEOUT).
+
+    Only the text of pyserial's error has its number.
+    """
+    return "GetOverlappedResult" in str(error) and ", 1460)" in str(error)
 
 
 def _require_plain(url: str) -> None:
@@ -111,6 +130,8 @@ def _refusal(url: str, error: Exception) -> Exception:
     """Return `PortLost` if a retry may help, otherwise a `RigctlError`."""
     number = getattr(error, "errno", None)
     text = str(error)
+    if os.name == "nt" and "PermissionError" in text:  # the system has no rights to a port, only one owner
+        return RigctlError("somebody else has this port open", value=url, hint="Close the other program")
     if number == errno.EACCES or "PermissionError" in text:
         return RigctlError(
             "no right to open this port, or somebody else has it",

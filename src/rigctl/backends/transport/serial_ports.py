@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 #: USB vendor and product ID (None: any product) -> what it most likely is.
 #: Vendor IDs are those of usb.org, product IDs those documented by the manufacturers.
@@ -68,12 +69,36 @@ class PortInfo:
         return f"{self.vendor:04X}:{self.product:04X}" if self.vendor is not None else ""
 
 
-def list_ports() -> list[PortInfo]:
-    """Return all serial ports of this computer: those on USB first, then by name."""
-    from serial.tools.list_ports import comports
+class PortsUnlisted(Exception):
+    """The system's list of serial ports fails, as with a broken driver; a named port can still be opened."""
 
+
+def system_ports() -> list[Any]:
+    """Return what pyserial knows of each serial port of this computer.
+
+    Raises
+    ------
+    PortsUnlisted
+        pyserial, or the system's functions that it calls, fail in whatever way.
+    """
+    try:
+        from serial.tools.list_ports import comports  # calls the system even when it is imported
+
+        return list(comports())
+    except Exception as error:
+        raise PortsUnlisted(f"{error or type(error).__name__}") from error
+
+
+def list_ports() -> list[PortInfo]:
+    """Return all serial ports of this computer: those on USB first, then by name.
+
+    Raises
+    ------
+    PortsUnlisted
+        the system's list fails.
+    """
     found = []
-    for port in comports():
+    for port in system_ports():
         accessible, fix = access_to(port.device)
         found.append(
             PortInfo(

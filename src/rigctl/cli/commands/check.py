@@ -58,8 +58,9 @@ def _check_other(kind: str, path: Path, rig: Path | None, arg: Sequence[str], *,
     from rigctl.cli.commands.check_files import describe, lines
 
     if rig is not None or arg:
-        raise RigctlError(f"--rig and --arg are for procedures, and this is a {kind} file", value=str(path))
-    with first_sign(f"Reading {path}"):
+        what = f"--rig and --arg are for procedures, and this is a {kind} file"
+        raise RigctlError(what, value=path.as_posix())
+    with first_sign(f"Reading {path.as_posix()}"):
         document = describe(kind, path)
     if as_json:
         echo_json(json.dumps(document, indent=1, ensure_ascii=False))

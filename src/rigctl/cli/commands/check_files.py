@@ -55,7 +55,7 @@ def describe(kind: str, path: Path) -> dict[str, Any]:
     RigctlError
         something in it is wrong; with the location.
     """
-    return {"kind": kind, "path": str(path), **_READERS[kind](path)}
+    return {"kind": kind, "path": path.as_posix(), **_READERS[kind](path)}
 
 
 def lines(document: Mapping[str, Any]) -> list[str]:

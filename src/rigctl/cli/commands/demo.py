@@ -60,17 +60,17 @@ def demo(
 
     console = Console(stderr=as_json, highlight=False)
     if (directory / "rigctl.toml").exists():
-        console.print(f"[bold]1[/] Using the project that is already in {escape(str(directory))}")
+        console.print(f"[bold]1[/] Using the project that is already in {escape(directory.as_posix())}")
     else:
         from rigctl.cli.commands.init import create_project
 
         create_project(directory)
-        console.print(f"[bold]1[/] A project folder with the published bench: {escape(str(directory))}")
+        console.print(f"[bold]1[/] A project folder with the published bench: {escape(directory.as_posix())}")
     if plain:
         document, page, size = _plain(directory, seed, console)
     else:
         document, page, size = _story(directory, seed, console)
-    document = {"project": str(directory), **document, "page": str(page), "bytes": size}
+    document = {"project": directory.as_posix(), **document, "page": page.as_posix(), "bytes": size}
     if as_json:
         echo_json(to_json(document))
     if show:
@@ -116,7 +116,7 @@ def _story(directory: Path, seed: int, console: Console) -> tuple[dict[str, obje
         {
             "published": published.runs[0],
             "run": run.id,
-            "model": str(model),
+            "model": model.as_posix(),
             "question": question,
             "verdict": improved.first.verdict,
             "effects": list(improved.first.effects),
@@ -181,7 +181,7 @@ def _asking(directory: Path, model: Path, published: Comparison) -> Iterator[Cal
 
     command = module_command(
         "rigctl",
-        *("diagnose", published.runs[0], "--model", str(model.relative_to(directory)), "--json"),
+        *("diagnose", published.runs[0], "--model", model.relative_to(directory).as_posix(), "--json"),
     )
     with subprocess.Popen(  # noqa: S603 - our own program
         command, cwd=directory, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -211,7 +211,7 @@ def _mend(path: Path, run: Run, console: Console) -> tuple[Comparison, Improveme
     from rigctl.analysis.improve import improve
     from rigctl.cli.progress import progress_display
 
-    console.print(f"[bold]4[/] The textbook model compared with it: {path}")
+    console.print(f"[bold]4[/] The textbook model compared with it: {path.as_posix()}")
     compared = _compare(run, path, console, _HELD_OUT)
     with progress_display() as on_progress:
         return compared, improve(compared, path, sure=True, on_progress=on_progress)
@@ -329,7 +329,7 @@ def _show_strokes(console: Console, run: Run) -> None:
 def _say_page(console: Console, number: int, page: Path, size: int) -> None:
     from rich.markup import escape
 
-    console.print(f"[bold]{number}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)")
+    console.print(f"[bold]{number}[/] The page about it: {escape(page.as_posix())} ({size / 1e6:.1f} MB)")
 
 
 def _show_next(console: Console, directory: Path, page: Path) -> None:
@@ -339,6 +339,6 @@ def _show_next(console: Console, directory: Path, page: Path) -> None:
     from rigctl.cli.next_command import enter_environment
     from rigctl.command_line import shell_word
 
-    console.print(f"\nNext: open {escape(str(page))} in a browser, then")
-    for line in (*enter_environment(), f"cd {shell_word(str(directory))}", "rigctl serve"):
+    console.print(f"\nNext: open {escape(page.as_posix())} in a browser, then")
+    for line in (*enter_environment(), f"cd {shell_word(directory.as_posix())}", "rigctl serve"):
         console.print(f"  {escape(line)}", soft_wrap=True)

@@ -143,7 +143,7 @@ def design(
         show_design(result, verbose=verbose)
         choice = DataOptions(only, hold_out, assume or (), family)
         own = _own_options(budget, records, separate, seed, sensors=sensors)
-        _lead_on(result, runs, str(model), choice, own, output)
+        _lead_on(result, runs, model.as_posix(), choice, own, output)
 
 
 def read_budget(text: str) -> float:

@@ -154,7 +154,7 @@ def diagnose(
         print_json(done.document() if apply else diagnosis.document())
     elif apply:
         show_improvement(done, verbose=verbose)
-        _lead_on(done.last, runs, str(model), choice, limit)
+        _lead_on(done.last, runs, model.as_posix(), choice, limit)
     else:
         show_diagnosis(diagnosis, verbose=verbose)
         if next_one is not None:
@@ -162,7 +162,7 @@ def diagnose(
 
             show_design(next_one, verbose=verbose)
         shown = ["--design"] * design + ["--bootstrap", str(repetitions)] * bool(repetitions)
-        _lead_on(diagnosis, runs, str(model), choice, limit, shown)
+        _lead_on(diagnosis, runs, model.as_posix(), choice, limit, shown)
 
 
 def _require_no_apply(apply: bool, **others: bool) -> None:
@@ -256,7 +256,8 @@ def _lead_on(
         sensors = diagnosis.before.sensors
         channel = sensors.beyond[0].channel if sensors is not None else ""
         rig = diagnosis.before.fit.problem.measurements.rig
-        words = ["calibrate", channel, *(["--rig", str(rig.path)] if rig is not None and rig.path else [])]
+        named = ["--rig", rig.path.as_posix()] if rig is not None and rig.path else []
+        words = ["calibrate", channel, *named]
         show_next(command_text(words), "calibrates the sensor again")
     elif diagnosis.with_exact_sensors is not None:
         command = page_of("diagnose", runs, model, choice, *limit, *shown)

@@ -104,7 +104,7 @@ def discover(
         print_json(discovery.document())
     else:
         show_discovery(discovery, verbose=verbose)
-        _lead_on(discovery, runs, str(model), choice, slot, saved=output is not None)
+        _lead_on(discovery, runs, model.as_posix(), choice, slot, saved=output is not None)
 
 
 def _write_page(runs: list[Run], page: Path, discovery: Discovery, *, force: bool) -> None:

@@ -17,7 +17,7 @@ from rigctl.cli.commands.doctor_finding import Finding
 from rigctl.cli.echo import echo_json
 
 if TYPE_CHECKING:
-    from rigctl.backends.transport.serial_ports import PortInfo
+    from rigctl.backends.transport.serial_ports import PortInfo, PortsUnlisted
 
 
 #: import name, extra, what it is for
@@ -34,7 +34,7 @@ _EXTRAS = (
 )
 
 
-def examine(ports: Sequence[PortInfo] = ()) -> Iterator[Finding]:
+def examine(ports: Sequence[PortInfo] | PortsUnlisted = ()) -> Iterator[Finding]:
     """Check everything that rigctl depends on, cheapest first. Nothing is opened, nothing moves."""
     from rigctl.cli.commands.doctor_bench import emulator_finding, guard_findings, port_findings, rig_findings
     from rigctl.project import find_project
@@ -86,8 +86,8 @@ def _engine_cache() -> Finding:
         wanted = "make it your own, writable by nobody else"
         return Finding("compiled models", "broken", f"not used: {problem}", wanted)
     if _writable(folder):
-        return Finding("compiled models", "ok", str(folder))
-    return Finding("compiled models", "broken", f"cannot write {folder}", "make the folder writable")
+        return Finding("compiled models", "ok", folder.as_posix())
+    return Finding("compiled models", "broken", *_unwritable(folder))
 
 
 def _project() -> Finding:
@@ -95,8 +95,12 @@ def _project() -> Finding:
 
     project = find_project()
     if not _writable(project.runs):
-        return Finding("runs folder", "broken", f"cannot write {project.runs}", "make the folder writable")
-    return Finding("runs folder", "ok", str(project.runs))
+        return Finding("runs folder", "broken", *_unwritable(project.runs))
+    return Finding("runs folder", "ok", project.runs.as_posix())
+
+
+def _unwritable(folder: Path) -> tuple[str, str]:
+    return f"cannot write {folder.as_posix()}", "make the folder writable"
 
 
 def _writable(folder: Path) -> bool:
@@ -140,7 +144,7 @@ def doctor(
 
       rigctl doctor --rig rigs/oil-circuit-modbus.yaml --port 192.168.0.20:502
     """
-    from rigctl.backends.transport.serial_ports import list_ports
+    from rigctl.backends.transport.serial_ports import PortsUnlisted, list_ports
     from rigctl.cli.commands.doctor_bench import ask_port, ask_rig, ports_document
 
     if rig is not None:  # a file that cannot be read is a wrong call, not a fault of the bench
@@ -149,7 +153,11 @@ def doctor(
 
         rig = find_file(rig)
         load_rig(rig)
-    ports = list_ports()
+    ports: Sequence[PortInfo] | PortsUnlisted
+    try:
+        ports = list_ports()
+    except PortsUnlisted as error:
+        ports = error
     findings = list(examine(ports))
     if rig is None:
         replies = [ask_port(url, baud) for url in port or ()]

@@ -15,14 +15,18 @@ from rigctl.errors import RigctlError
 if TYPE_CHECKING:
     from rigctl.backends.lines.probe import Found
     from rigctl.backends.lines.reading import OneReading
-    from rigctl.backends.transport.serial_ports import PortInfo
+    from rigctl.backends.transport.serial_ports import PortInfo, PortsUnlisted
     from rigctl.rig import Rig
 
 
-def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
+def port_findings(ports: Sequence[PortInfo] | PortsUnlisted) -> Iterator[Finding]:
     """Every port with its most likely device; a USB port without permission to open it is a problem."""
-    from rigctl.backends.transport.serial_ports import missing_port_fix
+    from rigctl.backends.transport.serial_ports import PortsUnlisted, missing_port_fix
 
+    if isinstance(ports, PortsUnlisted):
+        fix = "name the port yourself, in the rig file or with --port; runs do not need the list"
+        yield Finding("serial ports", "optional", f"the system cannot list them: {ports}", fix)
+        return
     if not any(port.vendor is not None for port in ports):
         detail = "there is no USB port: no board is plugged in, or the system does not see it"
         yield Finding("serial ports", "optional", detail, missing_port_fix())
@@ -50,8 +54,12 @@ def guard_findings() -> Iterator[Finding]:
         yield Finding("OUTPUTS MAY BE ON", "broken", str(notice), fix)
 
 
-def ports_document(ports: Sequence[PortInfo]) -> list[dict[str, Any]]:
+def ports_document(ports: Sequence[PortInfo] | PortsUnlisted) -> list[dict[str, Any]]:
     """The ports for programs; field names are part of the interface."""
+    from rigctl.backends.transport.serial_ports import PortsUnlisted
+
+    if isinstance(ports, PortsUnlisted):
+        return []
     return [{**asdict(port), "usb": port.usb} for port in ports]
 
 
@@ -83,7 +91,7 @@ def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]
     from rigctl.clock import real_clock
     from rigctl.rig import load_rig
 
-    document: dict[str, Any] = {"rig": str(path)}
+    document: dict[str, Any] = {"rig": path.as_posix()}
     try:
         rig = load_rig(path)
         address = address_of(rig, url)
@@ -184,10 +192,10 @@ def rig_findings(folder: Path) -> Iterator[Finding]:
         try:
             rig = load_rig(path)
         except RigctlError as error:
-            yield Finding(path.name, "broken", str(error).partition("\n")[0], f"edit {path}")
+            yield Finding(path.name, "broken", str(error).partition("\n")[0], f"edit {path.as_posix()}")
             continue
         doubts = list(doubtful_calibrations(rig, today))
         for channel, doubt in doubts:
-            yield Finding(path.name, "optional", doubt, f"rigctl calibrate {channel} --rig {path}")
+            yield Finding(path.name, "optional", doubt, f"rigctl calibrate {channel} --rig {path.as_posix()}")
         if not doubts:
             yield Finding(path.name, "ok", f"{rig.name}: calibrations are in date")

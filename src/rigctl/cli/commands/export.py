@@ -87,29 +87,31 @@ def export(
         path = output or Path(f"{list(opened_all)[-1]}-crate")
         files = export_ro_crate(tuple(opened_all.values()), path, licence=licence, title=title)
         if as_json:
-            echo_json(to_json({"runs": list(opened_all), "path": str(path), "form": form, "files": files}))
+            facts = {"runs": list(opened_all), "path": path.as_posix(), "form": form, "files": files}
+            echo_json(to_json(facts))
         else:
-            echo(f"{path}: {len(opened_all)} run{'' if len(opened_all) == 1 else 's'}, {files} files")
+            runs_text = f"{len(opened_all)} run{'' if len(opened_all) == 1 else 's'}"
+            echo(f"{path.as_posix()}: {runs_text}, {files} files")
         return
     opened = open_run(_only(runs, licence, title))
     if form == "junit":
         path = output or Path(f"{opened.id}.xml")
         cases = export_junit(opened, path, overwrite=overwrite)
         if as_json:
-            echo_json(to_json({"run": opened.id, "path": str(path), "form": form, "cases": cases}))
+            echo_json(to_json({"run": opened.id, "path": path.as_posix(), "form": form, "cases": cases}))
         else:
-            echo(f"{path}: {cases} test cases")
+            echo(f"{path.as_posix()}: {cases} test cases")
         return
     table = table or default_table(opened)
     suffix = f"-{table}" if table != "samples" else ""
     path = output or Path(f"{opened.id}{suffix}.csv")
     exported = export_run(opened, path, table=table, records=record, overwrite=overwrite, disarm=disarm)
     if as_json:
-        facts = {"run": opened.id, "path": str(path), "table": table}
+        facts = {"run": opened.id, "path": path.as_posix(), "table": table}
         echo_json(to_json({**facts, "rows": exported.rows, "disarmed": exported.disarmed}))
     else:
         also = f"; {exported.disarmed} cells were disarmed with an apostrophe" if exported.disarmed else ""
-        echo(f"{path}: {exported.rows} rows{also}")
+        echo(f"{path.as_posix()}: {exported.rows} rows{also}")
 
 
 def _form(to: str | None, output: Path | None) -> str | None:

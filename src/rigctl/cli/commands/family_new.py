@@ -314,7 +314,7 @@ def _document(
         "rig": proposal.rig,
         "model": proposal.model,
         "procedure": proposal.procedure,
-        "files": [str(path) for path in written],
+        "files": [path.as_posix() for path in written],
         "columns": [
             {
                 "name": column.name,
@@ -354,7 +354,7 @@ def _show(document: Mapping[str, Any], tried: FirstFit | None) -> None:
         console().print(listed)
     echo(f"template: {document['template']}")
     for path in document["files"]:
-        echo(f"  {path}")
+        echo(f"  {path.as_posix()}")
     for line in tried.lines() if tried is not None else ():
         echo(line)
     for line in _questions(document["columns"]):

@@ -196,7 +196,7 @@ def import_(
     _report_import(done, paths[0])
     if as_json:
         counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
-        document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
+        document = {"run": done.run, "path": done.path.as_posix(), **counts, "notes": list(done.notes)}
         echo_json(to_json(document))
     else:
         _lead_on(rig, done.path)
@@ -309,4 +309,4 @@ def _report_import(done: Imported, file: Path) -> None:
     for note in done.notes:
         echo(f"note: {note}", err=True)
     records = f"{done.records} record{'' if done.records == 1 else 's'}"
-    echo(f"{records}, {done.rows} rows in {done.path}", err=True)
+    echo(f"{records}, {done.rows} rows in {done.path.as_posix()}", err=True)

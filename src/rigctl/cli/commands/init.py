@@ -142,7 +142,7 @@ def init(
         echo_json(json.dumps({"project": str(directory.resolve()), "files": [str(p) for p in written]}))
         return
     for path in written:
-        echo(f"  {path}")
-    inside = "" if directory == Path() else f"cd {shell_word(str(directory))}\n"
+        echo(f"  {path.as_posix()}")
+    inside = "" if directory == Path() else f"cd {shell_word(directory.as_posix())}\n"
     command = "family new my_bench --csv FILE" if minimal else "check procedures/quick-check.yaml"
     echo(f"\nNext: {one_below_another(f'{inside}rigctl {command}')}")

@@ -165,7 +165,7 @@ def learn(
         ).learn()
         page = _write_page(session, learned)
         if as_json:
-            print_json(learned.document() | {"folder": str(session.folder), "page": str(page)})
+            print_json(learned.document() | {"folder": session.folder.as_posix(), "page": page.as_posix()})
         else:
             show_learned(learned, session.folder, page)
     raise typer.Exit(int(learned.exit_code))

@@ -358,10 +358,10 @@ def export(
     require_output(target, force=overwrite, option="--overwrite")
     fmu = export_fmu(load_model(path), target, sources_only=sources_only)
     if as_json:
-        print_json({**asdict(fmu), "path": str(fmu.path), "model": str(path)})
+        print_json({**asdict(fmu), "path": fmu.path.as_posix(), "model": path.as_posix()})
         return
     compiled = f"compiled for {fmu.platform}" if fmu.platform else "not compiled"
     echo(
-        f"{fmu.path}: {fmu.states} states, {fmu.inputs} inputs, {fmu.parameters} parameters, "
+        f"{fmu.path.as_posix()}: {fmu.states} states, {fmu.inputs} inputs, {fmu.parameters} parameters, "
         f"{fmu.outputs} outputs, {compiled}"
     )

@@ -93,7 +93,7 @@ def report(
     target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
     require_page(target, force=force)
     sections = _analysis(opened, models, diagnose=diagnose) if models else []
-    with first_sign(f"Writing {target}"):
+    with first_sign(f"Writing {target.as_posix()}"):
         written = write_report(
             opened, target, figures=figures, form=form.value, sections=sections, force=force
         )

@@ -95,5 +95,5 @@ def _input_ended() -> Callable[[], bool]:
 
 def _file(path: Path | None) -> Path | None:
     if path is not None and not path.is_file():
-        raise RigctlError("there is no such file", value=str(path))
+        raise RigctlError("there is no such file", value=path.as_posix())
     return path

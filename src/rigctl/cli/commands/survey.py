@@ -11,6 +11,7 @@ from rigctl.cli.commands.compare import Assume, Force, OneModel, Only, Page
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster, WorkerCount
+from rigctl.printable import shown_path
 
 if TYPE_CHECKING:
     from rigctl.dataset import Run
@@ -176,7 +177,7 @@ def _opened(written: list[str], where: str | None) -> tuple[list[Run], list[str]
     references = written
     if not named:
         listed = list_runs(where=where)
-        references = [str(one.folder) for one in listed if one.status not in (RUNNING, "unclosed")]
+        references = [shown_path(one.folder) for one in listed if one.status not in (RUNNING, "unclosed")]
     runs: dict[str, Run] = {}
     damaged: list[RigctlError] = []
     for reference in references:

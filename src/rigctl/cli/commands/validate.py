@@ -101,7 +101,7 @@ def validate(
     command += f" --reuse {reuse}" if reuse is not None else ""
     write_text(out / f"{tier.value}.md", page(figures, command))
     if as_json:
-        print_json({"command": command, "results": str(path), **figures.document()})
+        print_json({"command": command, "results": path.as_posix(), **figures.document()})
     else:
         _show(figures, path)
 
@@ -141,7 +141,7 @@ def _reusing(
     if definition.reusing is None:
         raise RigctlError(
             f"the tier {tier.value} has nothing that could be reused",
-            value=f"--reuse {file}",
+            value=f"--reuse {file.as_posix()}",
             expected="the tier quick, full or shape",
         )
     if not file.is_file():
@@ -182,7 +182,7 @@ def _outcomes(
     if not resume and store.outcomes(trials):
         raise RigctlError(
             "results of this version are there already",
-            value=str(path),
+            value=path.as_posix(),
             hint="'--resume' continues them, another '--out' starts afresh",
         )
     with _trial_progress() as progress:
@@ -219,4 +219,4 @@ def _show(figures: Figures, path: Path) -> None:
     screen.print(listing_table(figures) if figures.listing else confusion_table(figures))
     for line in left_out_text(figures):
         screen.print(escape(line), soft_wrap=True)
-    screen.print(f"Every trial: {escape(str(path))}", soft_wrap=True)
+    screen.print(f"Every trial: {escape(path.as_posix())}", soft_wrap=True)

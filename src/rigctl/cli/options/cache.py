@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigctl.printable import shown_path
+
 if TYPE_CHECKING:
     from rigctl.engine.result_cache.cached import Tally
 
@@ -35,7 +37,7 @@ def _say(before: Tally) -> None:
     from rigctl.engine.result_cache import RESULTS_VARIABLE, TALLY, results_folder
 
     folder = results_folder()
-    summary = f"made and kept: {TALLY.made - before.made}, in {folder}"
+    summary = f"made and kept: {TALLY.made - before.made}, in {shown_path(folder)}"
     where = f"none kept, as {RESULTS_VARIABLE} is 'off'" if folder is None else summary
     echo(f"Results of earlier commands reused: {TALLY.reused - before.reused}; {where}", err=True)
 

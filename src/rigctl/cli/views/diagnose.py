@@ -76,7 +76,7 @@ def _show_files(laws: Sequence[LawAnswer]) -> None:
     """Show where the files of better laws are."""
     for one in laws:
         if one.file is not None:
-            console().print(f"  written: {escape(str(one.file))}", soft_wrap=True)
+            console().print(f"  written: {escape(one.file.as_posix())}", soft_wrap=True)
 
 
 def _show_whole(diagnosis: Diagnosis) -> None:
@@ -137,7 +137,7 @@ def _show_laws(laws: Sequence[LawAnswer]) -> None:
         mark = "[yellow]![/] " if one.differs else "  "
         out.print(f"  {mark}{escape(one.statement)}", soft_wrap=True)
         if one.file is not None:
-            out.print(f"    written: {escape(str(one.file))}", soft_wrap=True)
+            out.print(f"    written: {escape(one.file.as_posix())}", soft_wrap=True)
 
 
 def _show_verdict(diagnosis: Diagnosis) -> None:

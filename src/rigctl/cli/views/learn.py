@@ -67,7 +67,8 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     out.print(
         f"  added {escape(added)}; {escape(learned.model)} is at version {learned.version}", soft_wrap=True
     )
-    out.print(f"  {clock_time(learned.spent)} of bench time; the page: {escape(str(page))}", soft_wrap=True)
+    spent = clock_time(learned.spent)
+    out.print(f"  {spent} of bench time; the page: {escape(page.as_posix())}", soft_wrap=True)
     if learned.sensor:
         names = " and ".join(learned.sensor)
         out.print(f"  with {escape(names)} measured too, they would be distinguished", soft_wrap=True)
@@ -87,6 +88,6 @@ def _lead_on(learned: Learned, folder: Path) -> None:
     elif learned.ended is LearningEnd.ROUNDS:
         show_next("rigctl learn --resume --max-rounds 10", "continues with more rounds")
     elif learned.ended is LearningEnd.DECLINED:
-        show_next("rigctl learn --resume", f"asks again; the proposal is kept in {folder}")
+        show_next("rigctl learn --resume", f"asks again; the proposal is kept in {folder.as_posix()}")
     elif learned.ended is LearningEnd.STOPPED:
         show_next("rigctl learn --resume", "continues the run that did not finish")

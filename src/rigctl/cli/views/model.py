@@ -15,6 +15,7 @@ from rigctl.model import Model, StatedValue, Version, stated_values
 from rigctl.model.difference import ModelDifference, ValueDifference
 from rigctl.model.history.change import ModelError
 from rigctl.model.value_table import rounded
+from rigctl.printable import shown_path
 from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import known_digits, parse_unit, significant, with_uncertainty
 
@@ -106,7 +107,7 @@ def model_document(model: Model, version: Version) -> dict[str, Any]:
     """A model as data."""
     values = stated_values(model)
     return {
-        "model": str(model.path),
+        "model": shown_path(model.path),
         "version": version.number,
         "kept": version.kept,
         "description": model.description,
@@ -159,9 +160,8 @@ def value_document(stated: StatedValue) -> dict[str, Any]:
 def show_difference(difference: ModelDifference) -> None:
     """Effects and parameters that differ."""
     out = console()
-    out.print(
-        f"[bold]{escape(str(difference.before.path))}[/] to [bold]{escape(str(difference.after.path))}[/]"
-    )
+    before, after = (escape(shown_path(one.path)) for one in (difference.before, difference.after))
+    out.print(f"[bold]{before}[/] to [bold]{after}[/]")
     if difference.same:
         out.print("  They do not differ.")
         return
@@ -202,8 +202,8 @@ def _side(stated: StatedValue | None) -> str:
 def difference_document(difference: ModelDifference) -> dict[str, Any]:
     """A difference as data."""
     return {
-        "before": str(difference.before.path),
-        "after": str(difference.after.path),
+        "before": shown_path(difference.before.path),
+        "after": shown_path(difference.after.path),
         "same": difference.same,
         "effects": {"added": list(difference.added), "removed": list(difference.removed)},
         "fields": [{"field": field, "before": old, "after": new} for field, old, new in difference.fields],

@@ -23,6 +23,7 @@ from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.files.write import write_error
+from rigctl.printable import shown_path
 
 if TYPE_CHECKING:
     from rigctl.dataset.run import Run
@@ -109,7 +110,8 @@ def export_ro_crate(
         the path exists, a file of a run is missing or was changed, or the disk is full.
     """
     if path.exists():
-        raise RigctlError("the path exists already", value=str(path), expected="a new folder or .zip file")
+        expected = "a new folder or .zip file"
+        raise RigctlError("the path exists already", value=path.as_posix(), expected=expected)
     require_output(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = Path(mkdtemp(prefix=f".{path.name}.", dir=path.parent))
@@ -216,7 +218,7 @@ def _copied(folder: Path, run: Run) -> Iterable[Entity]:
         if recorded is not None and facts["sha256"] != recorded["sha256"]:
             raise RigctlError(
                 "the file was changed since the run was closed",
-                value=f"{run.folder}/{name}",
+                value=f"{shown_path(run.folder)}/{name}",
                 hint=f"'rigctl runs verify {run.id}' says what can be saved",
                 exit_code=ExitCode.FAILED,
             )

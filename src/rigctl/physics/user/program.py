@@ -46,7 +46,7 @@ def _run(path: Path) -> ModuleType:
     name = f"rigctl_family_{path.stem}"
     spec = spec_from_file_location(name, path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise RigctlError("there is no such Python file", value=str(path))
+        raise RigctlError("there is no such Python file", value=path.as_posix())
     module = module_from_spec(spec)
     sys.modules[name] = module  # classes of the file are looked up there
     try:

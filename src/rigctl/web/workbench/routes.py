@@ -169,7 +169,7 @@ def approve(site: Site, request: PageRequest) -> dict[str, Any]:
     words = ["simulate", written, *(word for one in effects for word in ("--with", one)), "--speed", "max"]
     given = {
         "procedure": request.text("procedure"),
-        "file": str(file),
+        "file": file.as_posix(),
         "effects": effects,
         "seed": request.whole("seed", 0, 0, 2**31 - 1),
     }
