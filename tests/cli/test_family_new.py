@@ -153,7 +153,10 @@ def test_without_a_template_every_output_is_a_first_order_lag(empty: Path) -> No
     gain = float(model.partition("gain: {value: ")[2].partition(" ")[0])
     assert constant == pytest.approx(1.7, rel=0.1)
     assert gain == pytest.approx(3.0, rel=0.05)
-    assert "sensor=sensor [N*m]" in done["next"][0]
+    assert (
+        done["next"][0] == "rigctl import a.csv --rig rigs/lag.yaml"
+    )  # which knows the unit by the rig file
+    assert '"sensor [N*m]"' in (empty / "log-formats/lag.yaml").read_text(encoding="utf-8")
     assert done["fit"]["problem"] == "not asked for"
 
 

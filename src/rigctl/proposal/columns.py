@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -36,6 +37,8 @@ class Column:
     unit: for display.
     values: (n) SI, NaN where one is missing; empty without a file.
     stated: whether the heading has the unit in brackets, as an import reads it.
+    known: whether it has a unit at all, in the file or from the user; otherwise it is drafted as a number.
+    unread: what the heading has for a unit, and is none.
     role, reason: its role for the bench, and the reason for that.
     stepped: whether it holds between samples: constant except for single steps, like a command.
     origin: of an input, whether it is commanded or measured.
@@ -46,6 +49,8 @@ class Column:
     unit: str
     values: Floats = field(repr=False)
     stated: bool = True
+    known: bool = True
+    unread: str = ""
     role: Role = "output"
     reason: str = ""
     stepped: bool = False
@@ -119,8 +124,9 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     RigctlError
         the file cannot be read, has no numbers or two columns of one name, or a unit is unknown.
     """
+    from rigctl.dataset.importing.columns import interval
     from rigctl.dataset.importing.formats import open_source
-    from rigctl.dataset.importing.headings import folded
+    from rigctl.dataset.importing.headings import counts_rows, folded
     from rigctl.dataset.importing.read_table import stamped_column, table_of
     from rigctl.dataset.importing.time_column import is_other_time, with_time_column
 
@@ -133,6 +139,7 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     time = next((name for name in headings if found.ours(name) == "time"), None)
     record = next((name for name, ours in plain.items() if ours in _RECORDS), None)
     time = time or stamped_column(path, source, found)
+    time = time or next((name for name, one in headings.items() if _is_given_time(one)), None)
     # a time may be written as a date, which only a time is read from
     named = {name: meaning for name, meaning in ((time, "time"), (record, "record")) if name is not None}
     as_named = replace(plain_options, columns={**named, **found.columns})
@@ -146,8 +153,9 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     clock = None if time is None else table.column(time)
     if time is not None and clock is not None:
         heading = _heading(read[time], units)
-        unit = "s" if read[time].seconds else as_named.unit_of(time) or read[time].unit or "s"
-        times = clock.values * parse_unit(unit).factor
+        given = heading.unit if _is_given_time(heading) else None
+        unit = "s" if read[time].seconds else given or as_named.unit_of(time) or read[time].unit or "s"
+        times = clock.values * (interval(replace(read[time], unit=unit)) or parse_unit(unit)).factor
         codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
         if time.casefold() != "time" or not heading.stated:
             renamed.append(f"{time}=time" if read[time].seconds else f"{time}=time [{unit}]")
@@ -159,6 +167,8 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
         if one.name == time or (time is not None and is_other_time(one.name, one.unit, as_named)):
             continue
         column = _column(_heading(read[one.name], units), one.values, [c.name for c in columns])
+        if times is not None and counts_rows(one.name, one.values):
+            column = replace(column, role="left out", reason="it counts the rows")
         columns.append(column)
         if folded(column.theirs) != column.name or not column.stated:
             renamed.append(f"{column.theirs}={column.name} [{column.unit}]")
@@ -201,6 +211,8 @@ class _Heading:
     unit: str | None
     stated: bool
     plain: str  # without a unit in it
+    given: bool = False  # the unit is the user's
+    unread: str = ""  # what stands in the unit's place, and is no unit
 
 
 def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
@@ -208,14 +220,24 @@ def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
 
     name, unit = read.name, "s" if read.seconds else read.unit
     plain, guessed = split_ending(name)
+    stated = unit is not None and _is_unit(unit)
+    if stated and guessed != unit:  # 'Channel A [V]' is no current
+        plain, guessed = name, None
     given = units.get(name, units.get(_plain_name(plain)))
     if given is not None:
-        parse_unit(given)
-    stated = unit is not None and given is None and _is_unit(unit)
-    unit_text = given or (unit if unit and _is_unit(unit) else guessed)
-    if given is None and unit_text is not None and counts_turns(plain, unit_text):
+        if not re.match(r"[\d.]+\s*[a-zµ]", given):  # '50 ms', from row to row
+            parse_unit(given)
+        return _Heading(name, given, False, plain, given=True)
+    unit_text = unit if stated else guessed
+    if unit_text is not None and counts_turns(plain, unit_text):
         return _Heading(name, "rpm", False, plain)
-    return _Heading(name, unit_text, stated, plain)
+    return _Heading(name, unit_text, stated, plain, unread="" if stated else unit or "")
+
+
+def _is_given_time(heading: _Heading) -> bool:
+    """Whether the user has given a column a unit of time, or a time from row to row: it is the time."""
+    unit = (heading.unit or "").lstrip("0123456789. ")
+    return heading.given and parse_unit(unit).dimension == parse_unit("s").dimension
 
 
 def _is_unit(text: str) -> bool:
@@ -247,7 +269,9 @@ def _column(heading: _Heading, values: Floats, taken: list[str]) -> Column:
         name += "_2"
     unit = heading.unit or "1"
     parsed = parse_unit(unit)
-    return Column(name, heading.name, unit, values * parsed.factor + parsed.offset, heading.stated)
+    values = values * parsed.factor + parsed.offset
+    known = heading.stated or heading.unit is not None
+    return Column(name, heading.name, unit, values, heading.stated, known=known, unread=heading.unread)
 
 
 def _plain_name(text: str) -> str:

@@ -12,6 +12,7 @@ from rigctl.proposal.choice import Suggestion, suggest
 from rigctl.proposal.columns import Column, Table
 from rigctl.proposal.draft import Draft
 from rigctl.proposal.from_columns import duration, given
+from rigctl.proposal.log_format import log_format_text
 from rigctl.proposal.templates import TEMPLATES
 from rigctl.proposal.write import family_text, model_text, procedure_text, rig_text
 
@@ -72,13 +73,18 @@ def propose(name: str, table: Table, template: str | None) -> Proposal:
     chosen = template or suggestion.template
     draft = _with_every_input(TEMPLATES[chosen].make(table), table)
     paths = {kind: f"{folder}/{name}.yaml" for kind, folder in _FOLDERS.items()}
+    log_format = log_format_text(paths["log format"], table)
     source = f"the template {chosen}" + (f", first values from {table.path.name}" if table.path else "")
     files = {
         paths["family"]: family_text(name, draft, source, table),
-        paths["rig"]: rig_text(name, table, draft, paths["family"]),
+        paths["rig"]: rig_text(
+            name, table, draft, paths["family"], paths["log format"] if log_format else None
+        ),
         paths["model"]: model_text(draft, paths["family"], paths["rig"]),
         paths["procedure"]: procedure_text(name, table, paths["rig"], duration(table)),
     }
+    if log_format is not None:
+        files[paths["log format"]] = log_format
     return Proposal(
         name,
         chosen,
@@ -103,4 +109,10 @@ def _with_every_input(draft: Draft, table: Table) -> Draft:
     return replace(draft, inputs={**draft.inputs, **unused}) if unused else draft
 
 
-_FOLDERS = {"family": "families", "rig": "rigs", "model": "models", "procedure": "procedures"}
+_FOLDERS = {
+    "family": "families",
+    "rig": "rigs",
+    "model": "models",
+    "procedure": "procedures",
+    "log format": "log-formats",
+}

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from rigctl.dataset.importing.headings import counts_rows
 from rigctl.errors import RigctlError
 from rigctl.proposal.columns import Column, Floats, Origin, Role, Table
 from rigctl.proposal.responses import driven_mass_response
@@ -40,6 +41,8 @@ _PAST: Final = range(3, 11)
 #: share of a column's changes that those of another one explain, of columns that drive each other
 _RELATED: Final = 0.3
 _REACH: Final = 20
+#: rows from which an even rise is the time, or a number
+_MANY_STEPS: Final = 30
 #: share of a position that a push leaves unexplained, if it is its push
 _MOVED: Final = 0.1
 
@@ -97,6 +100,8 @@ def with_roles(table: Table, stated: StatedRoles) -> Table:
         nothing is left to explain.
     """
     roles, origins = stated.by_column(table)
+    if table.times is None:
+        _refuse_unstated_times(table, roles)
     columns = [_judged(column, table, roles.get(column.name)) for column in table.columns]
     if table.times is not None and not any(column.role == "input" for column in columns):
         columns = _by_spectrum(columns, table, roles) or _by_lead(columns, table, roles)
@@ -109,10 +114,45 @@ def with_roles(table: Table, stated: StatedRoles) -> Table:
     return replace(table, columns=tuple(columns))
 
 
+def _refuse_unstated_times(table: Table, roles: Mapping[str, Role]) -> None:
+    """Refuse to take a column that numbers the rows, or may be their time, for a setting of a table.
+
+    Raises
+    ------
+    RigctlError
+        the user has not said what the column is.
+    """
+    for column in table.columns:
+        if column.name in roles:
+            continue
+        counted = counts_rows(column.theirs, column.values)
+        if not counted and (column.known or not _rises_evenly(column.values)):
+            continue
+        first = ", ".join(f"{value:g}" for value in column.values[:3])
+        unit = "50 ms" if counted else "s"
+        case = "if there are 50 ms from row to row" if counted else "if it is the time in seconds"
+        way = "--leave" if counted else "--input"
+        raise RigctlError(
+            f"{column.theirs}: {'it numbers the rows' if counted else 'it rises evenly'}, and no column is "
+            "known to be their time",
+            value=f"{first} …",
+            expected=f'--unit "{column.theirs}={unit}" {case}; {way} "{column.theirs}" if the rows are '
+            "operating points, without a time",
+        )
+
+
+def _rises_evenly(values: Floats) -> bool:
+    """Whether a column of many rows increases by the same amount each time, as a time does."""
+    steps = np.diff(values)
+    return len(steps) >= _MANY_STEPS and steps[0] > 0.0 and bool(np.allclose(steps, steps[0], rtol=1e-3))
+
+
 def _judged(column: Column, table: Table, stated: Role | None) -> Column:
     stepped = table.times is not None and _is_stepped(column.values, table)
     if stated is not None:
         return replace(column, role=stated, reason="as you say", stepped=stepped)
+    if column.role == "left out":
+        return column
     role, reason = _role_of(column, table, stepped=stepped)
     return replace(column, role=role, reason=reason, stepped=stepped)
 

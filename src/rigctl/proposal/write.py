@@ -22,6 +22,8 @@ def _quoted(text: str) -> str:
     return text if text and set(text) <= _PLAIN and text[0].isalpha() else '"' + text.replace('"', "'") + '"'
 
 
+#: beside a unit that nobody knows
+NO_UNIT = "the log states no unit: a plain number until '--unit' of 'rigctl family new' gives it"
 #: most samples of the record on which effects are tried
 _MOST_SAMPLES = 1000
 
@@ -150,9 +152,9 @@ def _part(name: str, comment: str, items: Mapping[str, Mapping[str, str]]) -> It
         yield from (f"    {field}: {text}" for field, text in fields.items() if text not in ("", '""'))
 
 
-def rig_text(name: str, table: Table, draft: Draft, family: str) -> str:
+def rig_text(name: str, table: Table, draft: Draft, family: str, log_format: str | None) -> str:
     """The rig file: every output and measured input a channel, every command an actuator."""
-    return "\n".join(_rig(name, table, draft, family)) + "\n"
+    return "\n".join(_rig(name, table, draft, family, log_format)) + "\n"
 
 
 def actuated(table: Table) -> list[Column]:
@@ -160,12 +162,14 @@ def actuated(table: Table) -> list[Column]:
     return [c for c in table.columns if c.role == "input" and c.origin == "commanded"]
 
 
-def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
+def _rig(name: str, table: Table, draft: Draft, family: str, log_format: str | None) -> Iterator[str]:
     commands = actuated(table)
     channels = [c for c in table.columns if c.role != "left out" and c not in commands]
     yield "# A first rig file, to be edited: what is measured, what is commanded, and what must not happen."
     yield f"name: {name.replace('_', ' ')}"
     yield f"model: {family}"
+    if log_format is not None:
+        yield f"log_format: {log_format}    # the columns of its logs, for 'rigctl import'"
     yield "# backend: {kind: serial, port: /dev/ttyACM0}   # how the bench is reached; an import needs none"
     yield ""
     yield "channels:"
@@ -176,7 +180,7 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
             yield "    # An input: measured, as here, or commanded? The log does not tell. A command is known"
             yield "    # exactly, has no noise and is never smoothed: it belongs under 'actuators', as"
             yield f"    # 'rigctl family new … --commanded {column.name}' writes it."
-        yield f"    unit: {_quoted(column.unit)}"
+        yield f"    unit: {_quoted(column.unit)}" + ("" if column.known else f"    # {NO_UNIT}")
         yield f"    quantity: {quantity_of(column.unit)}"
         scatter = _scatter(column, table)
         if scatter > 0.0:
@@ -194,7 +198,8 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
             ends = (
                 f"low: {_end(low, column.unit, ROUND_FLOOR)}, high: {_end(high, column.unit, ROUND_CEILING)}"
             )
-            yield f"  {column.name}: {{kind: level, unit: {_quoted(column.unit)}, {ends}}}"
+            unknown = "" if column.known else f"    # {NO_UNIT}"
+            yield f"  {column.name}: {{kind: level, unit: {_quoted(column.unit)}, {ends}}}{unknown}"
         yield ""
         yield "# where every actuator goes when anything is wrong"
         yield "safe_state:"

@@ -71,6 +71,11 @@ class Rig(Part):
         default=None, description="model family, e.g. hydraulic_cylinder, or a family file"
     )
     oil: str | None = Field(default=None, description="the fluid, e.g. HL32")
+    log_format: str | None = Field(
+        default=None,
+        description="how `rigctl import` reads logs of this bench, unless --mapping says otherwise: a file "
+        "written by its --save-mapping, relative to the project",
+    )
     channels: dict[Name, Channel] = Field(min_length=1, description="the measured quantities")
     could_have: dict[Name, PossibleChannel] = Field(
         default_factory=dict, description="sensors that could be added"

@@ -80,7 +80,11 @@ def new(
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option(metavar="COLUMN=UNIT", help="Unit of a column without one; repeatable."),
+        typer.Option(
+            metavar="COLUMN=UNIT",
+            help="Unit of a column without one, or the time from row to row of one that numbers the rows: "
+            "'Sample=50 ms'; repeatable.",
+        ),
     ] = None,
     dates: Annotated[str | None, typer.Option(metavar="ORDER", help="As for 'rigctl import'.")] = None,
     times: Annotated[str | None, typer.Option(metavar="POLICY", help="As for 'rigctl import'.")] = None,
@@ -137,18 +141,22 @@ def new(
         stated = StatedRoles(inputs or (), outputs or (), leave or (), commanded or (), measured or ())
         units = read_assignments(unit or (), "--unit")
         table = with_roles(read_columns(find_file(csv), units, options), stated)
-    proposal = propose(called, table, template)
+    stated_options = _options(csv, inputs, commanded, measured, outputs, leave, unit, import_options(table))
+    try:
+        proposal = propose(called, table, template)
+    except RigctlError as problem:
+        command = f"rigctl family new {name} {stated_options} --template {template}"
+        raise _with_units(problem, command, table) from None
     root = find_project().root
     with _written(root, proposal) as written:
         tried = _tried(proposal, root, fit=fit)
-    again = _again(csv, template, inputs, commanded, measured, outputs, leave, unit, import_options(table))
-    document = _document(proposal, written, again, tried)
+    document = _document(proposal, written, stated_options, tried)
     if as_json:
         from rigctl.files.write import to_json
 
         echo_json(to_json(document))
     else:
-        _show(document, tried)
+        _show(document, proposal, stated_options, tried)
 
 
 def _name(written: str) -> str:
@@ -225,6 +233,7 @@ def _tried(proposal: Proposal, root: Path, *, fit: bool) -> FirstFit | None:
     """
     from rigctl.cli.commands.first_fit import first_fit
     from rigctl.dataset.importing import import_file
+    from rigctl.proposal.log_format import column_pairs
     from rigctl.rig import load_rig
 
     table = proposal.table
@@ -232,16 +241,9 @@ def _tried(proposal: Proposal, root: Path, *, fit: bool) -> FirstFit | None:
         return None
     with tempfile.TemporaryDirectory(prefix="rigctl-") as folder:
         rig = load_rig(root / proposal.rig)
-        columns = import_arguments(table)
+        columns = column_pairs(table)
         done = import_file(table.path, rig, Path(folder), columns=columns, options=table.options)
         return first_fit(proposal, root, done.path, fit=fit)
-
-
-def import_arguments(table: Table) -> list[str]:
-    """The option `--columns` of `rigctl import` for the file."""
-    omitted = {column.theirs for column in table.columns if column.role == "left out"}
-    renamed = [text for text in table.renamed if text.partition("=")[0] not in omitted]
-    return [*renamed, *(f"{theirs}=-" for theirs in sorted(omitted))]
 
 
 def import_options(table: Table) -> str:
@@ -263,9 +265,8 @@ def _quoted(text: str) -> str:
     return text if re.fullmatch(r"[\w./:+-]+", text) else f'"{text}"'
 
 
-def _again(
+def _options(
     csv: Path | None,
-    template: str | None,
     inputs: Iterable[str] | None,
     commanded: Iterable[str] | None,
     measured: Iterable[str] | None,
@@ -294,9 +295,7 @@ def _commands(proposal: Proposal) -> list[str]:
     commands = []
     table = proposal.table
     if table.path is not None:
-        columns = "".join(f' --columns "{text}"' for text in import_arguments(table))
-        path = _quoted(table.path.as_posix())
-        commands.append(f"rigctl import {path} --rig {proposal.rig}{columns}{import_options(table)}")
+        commands.append(f"rigctl import {_quoted(table.path.as_posix())} --rig {proposal.rig}")
         commands.append(f"rigctl compare latest --model {proposal.model}")
     commands.append(f"rigctl simulate {proposal.procedure}")
     commands.append(f"rigctl effects list --slots --family {proposal.family}")
@@ -336,17 +335,28 @@ def _document(
     }
 
 
-def _show(document: Mapping[str, Any], tried: FirstFit | None) -> None:
+def _with_units(problem: RigctlError, command: str, table: Table) -> RigctlError:
+    """The refusal of a template, with the command that states the units which the log does not."""
+    unknown = [column for column in table.columns if not column.known and column.role != "left out"]
+    if not unknown:
+        return problem
+    units = "".join(f' --unit "{column.theirs}=UNIT"' for column in unknown)
+    names = ", ".join(column.theirs for column in unknown)
+    problem.hint = (
+        f"The log states no unit for {names}. Give them, e.g. V, rpm, bar or degC for UNIT: "
+        f"{command}{units}; or leave out --template"
+    )
+    return problem
+
+
+def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: FirstFit | None) -> None:
     from rigctl.cli.tables import console, table
 
     if any(column["reason"] for column in document["columns"]):
         listed = table("column", "is", "unit", "why")
+        known = {column.theirs: column.known for column in proposal.table.columns}
         for column in document["columns"]:
-            unit = (
-                column["unit"]
-                if column["unit"] != "1" or column["unit_stated"]
-                else "none; give it with --unit"
-            )
+            unit = column["unit"] if known[column["theirs"]] or column["role"] == "left out" else "not stated"
             role = {"commanded": "input, commanded", "measured": "input, measured", "unclear": "input"}.get(
                 column["origin"] or "", column["role"]
             )
@@ -357,13 +367,26 @@ def _show(document: Mapping[str, Any], tried: FirstFit | None) -> None:
         echo(f"  {path.as_posix()}")
     for line in tried.lines() if tried is not None else ():
         echo(line)
-    for line in _questions(document["columns"]):
+    for line in (*_questions(document["columns"]), *_unstated_units(proposal, options)):
         echo(line)
     if document["other"] is not None:
         echo(f"Another template explains more: {document['other']}")
     echo("Edit these files; 'rigctl check FILE' says what is wrong with one.")
     for index, command in enumerate(document["next"]):
         echo(f"{'Next: ' if index == 0 else '      '}{command}")
+
+
+def _unstated_units(proposal: Proposal, options: str) -> Iterator[str]:
+    """Which units the log does not state, and the command that states them."""
+    unknown = [c for c in proposal.table.columns if not c.known and c.role != "left out"]
+    if not unknown or proposal.table.path is None:
+        return
+    names = ", ".join(c.theirs + (f" ('{c.unread}' is no unit)" if c.unread else "") for c in unknown)
+    units = "".join(f' --unit "{c.theirs}=UNIT"' for c in unknown)
+    yield (
+        f"The log states no unit for {names}: drafted as plain numbers. With a unit for each UNIT (V, rpm, "
+        f"bar …), this drafts it again: rigctl family new {proposal.name}_2 {options}{units}"
+    )
 
 
 def _questions(columns: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -61,7 +61,7 @@ _MINIMAL_README = """\
     rigctl family new other --template motor       # or from a template, without data
     rigctl check rigs/line-device.yaml             # an example: a device that exchanges lines of text
     rigctl check rigs/my_bench.yaml                # what the file describes, and any mistakes in it
-    rigctl import log.csv --rig rigs/my_bench.yaml # with --columns if 'family new' printed them
+    rigctl import log.csv --rig rigs/my_bench.yaml
     rigctl compare latest --model models/my_bench.yaml
 """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +23,7 @@ from rigctl.errors import RigctlError, nearest_name, unknown_name
 from rigctl.rig.common_names import on_rig
 from rigctl.rig.layout import Layout
 from rigctl.rig.setting import POSITIONS
-from rigctl.units import Unit, describe, is_speed_of_rotation, parse_unit
+from rigctl.units import Unit, describe, is_speed_of_rotation, parse_quantity, parse_unit
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
@@ -356,13 +357,29 @@ def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
     if heading.unit is None:
         heading = replace(heading, unit="s")  # which is reported
     if heading.name == "time":
-        return Assigned("time", "time", index, heading, _unit(heading, "s"), "s")
+        return Assigned("time", "time", index, heading, interval(heading) or _unit(heading, "s"), "s")
     name = heading.name.removeprefix(CLOCK).strip()
     if rig is not None:
         name = on_rig(name, rig)
         if name not in (*rig.channels, *rig.actuators, *_COMMON):
             raise unknown_name("channel with a clock of its own", name, [*rig.channels, *rig.actuators])
     return Assigned(name, "clock", index, heading, _unit(heading, "s"), "s")
+
+
+def interval(heading: Heading) -> Unit | None:
+    """Return the time from row to row as the unit of a column that counts them: ``time [50 ms]``."""
+    text = heading.unit or ""
+    if not re.match(r"[\d.]", text) or text.isdigit():
+        return None
+    try:
+        amount = parse_quantity(text)
+    except RigctlError as problem:
+        raise problem.at(heading.where) from None
+    if amount.unit.dimension != parse_unit("s").dimension or amount.value <= 0.0:
+        raise RigctlError(
+            "not a time from row to row", value=text, expected="a time, e.g. 50 ms", where=heading.where
+        )
+    return replace(parse_unit("s"), text=text, factor=amount.si)
 
 
 def _unit(heading: Heading, expected: str) -> Unit:

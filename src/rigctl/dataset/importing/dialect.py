@@ -187,6 +187,9 @@ def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
             for number, line in enumerate(lines, start=1)
             if line.strip() and not is_comment(split_row(line, " "))
         ]
+        usual = Counter(len(row.cells) for row in rows).most_common(1)
+        # '# time speed' above rows of two cells is a comment with their names
+        rows = [row for row in rows if row.cells[:1] != ("#",) or len(row.cells) != usual[0][0] + 1]
     else:
         rows = []
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
@@ -244,13 +247,13 @@ def _as_wide(text: str, delimiter: str, rows: list[Row], index: int) -> Layout:
         return Layout(cells, rows[index].line, index + 1)
     if index and not is_data(rows[index - 1]) and abs(len(rows[index - 1].cells) - width) <= 1:
         return Layout(rows[index - 1].cells, rows[index - 1].line, index)
-    before = text.splitlines()[: row.line - 1]
-    for line in range(len(before), 0, -1):
-        written = before[line - 1]
-        if written.startswith("#"):
-            cells = split_row(written.lstrip("# \t"), delimiter)
-            if len(cells) == width and not is_data(Row(line, line, tuple(cells))):
-                return Layout(cells, line, index)
+    commented = _in_comments(text, delimiter, row.line, width)
+    if commented:
+        heading, units = commented[-1], list[str | None]()
+        if len(commented) > 1 and commented[-2].line == heading.line - 1:
+            units = unit_row(commented[-2].cells, heading)
+        heading = commented[-2] if units else heading
+        return Layout(heading.cells, heading.line, index, units)
     if index and is_names(above := rows[index - 1]):
         raise RigctlError(
             f"the heading has {len(above.cells)} names, and the rows below it have {width} cells",
@@ -262,6 +265,14 @@ def _as_wide(text: str, delimiter: str, rows: list[Row], index: int) -> Layout:
     return _unnamed(rows, index)
 
 
+def _in_comments(text: str, delimiter: str, line: int, width: int) -> list[Row]:
+    """Return the comments above a line that have as many names as the table has columns."""
+    written = enumerate(text.splitlines()[: line - 1], start=1)
+    comments = ((at, one.lstrip("#% \t")) for at, one in written if one.startswith(("#", "%")))
+    rows = [Row(at, at, tuple(split_row(one, delimiter))) for at, one in comments]
+    return [row for row in rows if len(row.cells) == width and not is_data(row)]
+
+
 def _unnamed(rows: Sequence[Row], first: int) -> Layout:
     return Layout([str(number) for number in range(1, len(rows[first].cells) + 1)], 0, first)
 
@@ -271,7 +282,7 @@ def _stated(text: str, delimiter: str, rows: Sequence[Row], heading: int) -> Lay
     lines = text.splitlines()
     written = lines[heading - 1] if heading <= len(lines) else ""
     row = next((row for row in rows if row.line <= heading <= row.last), None)
-    cells = row.cells if row is not None else tuple(split_row(written.lstrip("# \t"), delimiter))
+    cells = row.cells if row is not None else tuple(split_row(written.lstrip("#% \t"), delimiter))
     if not any(cell.strip() for cell in cells):
         raise RigctlError(
             f"--heading: there is nothing on line {heading}",

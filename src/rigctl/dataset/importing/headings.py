@@ -9,10 +9,14 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rigctl.errors import RigctlError
 from rigctl.units import is_speed_of_rotation, parse_unit
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _BRACKETS: Final = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 #: other ways to write a unit after a name; accepted only if it is a unit
@@ -21,7 +25,8 @@ _BESIDE: Final = (
     re.compile(r"(?P<name>.+?)\s*\{(?P<unit>[^{}]+)\}"),
     re.compile(r"(?P<name>.+?)(?:\s+/|\s*[,;])\s*(?P<unit>\S+)"),
     re.compile(r"(?P<name>[^\s/]{2,}|[A-Za-z])/(?P<unit>\S+)"),  # 'T/K'; 'm/s' is a unit itself
-    re.compile(r"(?P<name>.+?)\s+in\s+(?P<unit>\S{2,})"),  # 'pressure in A' names a place
+    re.compile(r"(?P<name>.+?)\s*<(?P<unit>[^<>]+)>"),
+    re.compile(r"(?P<name>.+?)\s+in\s+(?P<unit>\S{2,}|[shVWNKm])"),  # 'pressure in A' names a place
 )
 #: as HOBO loggers write the logger, the sensor and its label after a name, and the zone after a time
 _SERIAL: Final = re.compile(r"(?P<name>.+?)\s*\((?:LGR|SEN) S/N:[^()]*?(?:LBL: (?P<label>[^(),]+))?\)")
@@ -57,6 +62,8 @@ _UNITS: Final[Mapping[str, str]] = {
     "Amp": "A",
     "Amps": "A",
     "RPM": "rpm",
+    **dict.fromkeys(("U/min", "Upm", "UPM", "tr/min", "giri/min", "obr/min", "omw/min", "ot/min"), "rpm"),
+    **dict.fromkeys(("ticks", "tick", "raw", "digits", "LSB"), "count"),
     "PSI": "psi",
     "BAR": "bar",
     "millis": "ms",
@@ -74,6 +81,7 @@ _TIMES: Final = frozenset(
         "time t seconds secs sec millis milliseconds msec micros microseconds elapsed elapsed_time "
         "time_elapsed elapsed_seconds clock clock_time time_of_day timestamp time_stamp datetime date_time "
         "date_and_time relative_time rel_time absolute_time abs_time run_time runtime sample_time "
+        "x_value x_axis x_wert "
         "measurement_time rec_time "
         "zeit uhrzeit zeitpunkt zeitstempel datum_zeit datum_uhrzeit messzeit laufzeit sekunden "
         "tiempo hora fecha_hora fecha_y_hora marca_de_tiempo segundos "
@@ -89,6 +97,13 @@ _NAMED_UNITS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("millis", "milliseconds", "msec"), "ms"),
     **dict.fromkeys(("micros", "microseconds"), "us"),
 }
+#: columns that number the rows, as `_key` returns them; one without a name has its number for a name
+_COUNTERS: Final = frozenset(
+    (  # noqa: SIM905
+        "sample samples sample_no sample_number scan scan_number index idx row row_no no nr n k record_no "
+        "reading point messung lfd_nr # entry counter seq"
+    ).split()
+)
 #: columns of dates beside a time of day; `data` is a date only beside `ora` or `hora`
 _DATES: Final = frozenset(("date", "datum", "fecha", "dato", "dia", "giorno", "jour"))
 #: endings that are units, and nothing else that a name may end in: speed_rpm
@@ -108,8 +123,20 @@ _NAMED_AS_UNIT: Final[Mapping[str, str]] = {
     "degc": "degC",
 }
 _ENDING: Final = re.compile(r"(?P<name>.*[^\s_])[ _](?P<unit>[A-Za-z%]+)")
+#: what ends in A in amperes; otherwise that is a place: 'Channel A', 'pressure A'
+_CURRENTS: Final = ("i", "current", "curr", "strom", "courant", "corriente", "corrente", "amp")
 #: words in the name of a rotating quantity
 _TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
+#: Greek letters in names of quantities
+_GREEK: Final[Mapping[str, str]] = dict(
+    zip(
+        "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b7\u03b8\u03ba\u03bb\u03bc\u03bd\u03be\u03c1\u03c3\u03c4\u03c6\u03d5\u03c8\u03c9",
+        (  # noqa: SIM905
+            "alpha beta gamma delta epsilon eta theta kappa lambda mu nu xi rho sigma tau phi phi psi omega"
+        ).split(),
+        strict=True,
+    )
+)
 #: two parts of a time of day in a heading, h:min or mm:ss
 _CLOCK_UNIT: Final = re.compile(r"[hms]+(in|ec)?:[hms]+(in|ec)?(:s+(ec)?)?", re.IGNORECASE)
 
@@ -176,7 +203,22 @@ def split_ending(name: str) -> tuple[str, str | None]:
     match = _ENDING.fullmatch(name.strip())
     if match is None or match["unit"] not in _ENDINGS:
         return name, None
+    if match["unit"] == "A" and not _is_current(match["name"]):
+        return name, None
     return match["name"], unit_of(match["unit"])
+
+
+def _is_current(name: str) -> bool:
+    words = folded(name).split("_")
+    return words[0] in ("i", "ia", "im") or any(word in one for word in _CURRENTS[1:] for one in words)
+
+
+def counts_rows(name: str, values: NDArray[np.float64]) -> bool:
+    """Return whether a column numbers the rows of its file, by its name and by its values."""
+    import numpy as np
+
+    known = _key(name) in _COUNTERS or name.isdigit()
+    return known and len(values) > 1 and values[0] in (0.0, 1.0) and bool(np.all(np.diff(values) == 1.0))
 
 
 def time_unit(name: str, unit: str | None) -> tuple[bool, str | None]:
@@ -233,5 +275,5 @@ def _key(name: str) -> str:
 def identifier(text: str) -> str:
     """Return a name as a formula can use it: ``Motor Speed`` is ``motor_speed``; empty without letters."""
     plain = unicodedata.normalize("NFKD", text.strip().casefold())
-    letters = "".join(sign for sign in plain if not unicodedata.combining(sign))
+    letters = "".join(_GREEK.get(sign, sign) for sign in plain if not unicodedata.combining(sign))
     return re.sub(r"[^a-z0-9]+", "_", letters).strip("_")

@@ -111,6 +111,8 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
     names = [at for at in range(index, first) if is_names(rows[at])]
     if not names or names[-1] != first - 1:
         return None
+    if first - 2 >= index and first - 2 not in names and _names_above_units(rows[first - 2], rows[first - 1]):
+        names[-1:] = [first - 2, first - 1]
     units: Sequence[str | None] = ()
     at = names[-1]
     if at - 1 in names and (found := unit_row(rows[at - 1].cells, rows[at])):
@@ -127,6 +129,12 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
         cells = [lower if lower.strip() else upper for lower, upper in merged]
     unused = frozenset(number for number, cell in enumerate(cells) if cell.strip() == "#")
     return Layout(cells, rows[at].line, first, units, unused)
+
+
+def _names_above_units(row: Row, below: Row) -> bool:
+    """Return whether some names are numbers, as those of an oscilloscope's channels: ``x-axis,1,2``."""
+    same = len(row.filled) == len(row.cells) == len(below.cells)
+    return same and not is_data(row) and all(is_unit(cell) for cell in below.filled)
 
 
 def repeats_units(upper: Row, lower: Row) -> bool:

@@ -122,9 +122,13 @@ def save_mapping(path: Path, options: Options) -> None:
     from rigctl.files.write import write_text
 
     require_same_mapping(path, options)
-    if path.exists():
-        return
-    lines = ["# how files of one logger are read: rigctl import FILE --mapping " + path.name]
+    if not path.exists():
+        write_text(path, mapping_text(path.name, options))
+
+
+def mapping_text(file: str, options: Options) -> str:
+    """Return the text of a mapping for `load_mapping` in a file called `file`."""
+    lines = ["# how files of one logger are read: rigctl import FILE --mapping " + file]
     for name, value in _entries(options).items():
         if isinstance(value, Mapping):
             lines.append(f"{name}:")
@@ -133,7 +137,7 @@ def save_mapping(path: Path, options: Options) -> None:
             lines.append(f"{name}: [{', '.join(_quoted(text) for text in value)}]")
         else:
             lines.append(f"{name}: {value if isinstance(value, int) else _quoted(value)}")
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _entries(options: Options) -> dict[str, Any]:

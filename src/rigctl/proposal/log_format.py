@@ -1,0 +1,27 @@
+"""How `rigctl import` reads the log of a draft: the columns' names and units, and the form of the file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rigctl.proposal.columns import Table
+
+
+def column_pairs(table: Table) -> list[str]:
+    """The columns as ``theirs=ours [unit]``, where the heading says it differently or not at all."""
+    omitted = {column.theirs for column in table.columns if column.role == "left out"}
+    renamed = [text for text in table.renamed if text.partition("=")[0] not in omitted]
+    return [*renamed, *(f"{theirs}=-" for theirs in sorted(omitted))]
+
+
+def log_format_text(path: str, table: Table) -> str | None:
+    """The text of the file `path` that ``log_format`` of a rig file names; None if the log needs none."""
+    from rigctl.dataset.importing.columns import read_mapping
+    from rigctl.dataset.importing.mapping import mapping_text
+    from rigctl.dataset.importing.options import Options
+
+    columns = read_mapping(column_pairs(table))
+    options = replace(table.options, columns=columns)
+    if table.path is None or options == Options():
+        return None
+    return mapping_text(path, options)
