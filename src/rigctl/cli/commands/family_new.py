@@ -364,7 +364,7 @@ def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: 
         console().print(listed)
     echo(f"template: {document['template']}")
     for path in document["files"]:
-        echo(f"  {path.as_posix()}")
+        echo(f"  {path}")
     for line in tried.lines() if tried is not None else ():
         echo(line)
     for line in (*_questions(document["columns"]), *_unstated_units(proposal, options)):
