@@ -9,15 +9,32 @@ import contextlib
 import io
 import os
 import socket
+import sys
 import threading
 import time
+import types
 from collections.abc import Callable
-from typing import Self
+from typing import Any, Self
+from unittest import mock
 
 from rigctl.clock import VirtualClock
 from rigctl.testing import FakeSerial
 
 VERSION = "TCLab Firmware 1.4.0 Arduino Uno"
+
+
+def _model_class() -> Any:
+    """The model of the package `tclab`, which imports the list of ports too: that fails under Wine."""
+    try:
+        import serial.tools.list_ports  # noqa: F401
+    except AttributeError:
+        none = types.ModuleType("serial.tools.list_ports")
+        none.comports = list  # type: ignore[attr-defined]
+        with mock.patch.dict(sys.modules, {none.__name__: none}):
+            from tclab import TCLabModel
+    else:
+        from tclab import TCLabModel
+    return TCLabModel
 
 
 class Sketch:
@@ -29,8 +46,7 @@ class Sketch:
     """
 
     def __init__(self, now: Callable[[], float]) -> None:
-        from tclab import TCLabModel
-
+        TCLabModel = _model_class()
         with contextlib.redirect_stdout(io.StringIO()):
             self.model = TCLabModel(synced=False)
         self._now = now

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -80,7 +81,11 @@ def test_a_failure_makes_outputs_safe_and_then_runs_all_cleanup_blocks(do: Do) -
 
 @pytest.mark.parametrize(
     ("name", "code"),
-    [("SIGINT", ExitCode.INTERRUPTED), ("SIGTERM", ExitCode.TERMINATED), ("SIGHUP", ExitCode.TERMINATED)],
+    [
+        ("SIGINT", ExitCode.INTERRUPTED),
+        ("SIGTERM", ExitCode.TERMINATED),
+        ("SIGBREAK" if sys.platform == "win32" else "SIGHUP", ExitCode.TERMINATED),
+    ],
 )
 def test_a_signal_makes_outputs_safe_and_runs_the_on_abort_blocks(do: Do, name: str, code: ExitCode) -> None:
     number = getattr(signal, name)

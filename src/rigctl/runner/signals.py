@@ -5,14 +5,16 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from rigctl.backends.console_end import console_end
 from rigctl.errors import ExitCode
 
 #: Ctrl-C
 _INTERRUPT = ("SIGINT",)
-#: the system, a closed terminal (POSIX), a closed console window (Windows)
+#: the system, a closed terminal (POSIX), Ctrl-Break (Windows)
 _TERMINATE = ("SIGTERM", "SIGHUP", "SIGBREAK")
 
 
@@ -34,6 +36,7 @@ class Signals:
         self.exit_code = ExitCode.INTERRUPTED  #: description of the first one
         self.name = ""
         self._before: dict[int, Any] = {}
+        self._console = ExitStack()
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
@@ -42,19 +45,27 @@ class Signals:
                     number = getattr(signal, name, None)
                     if number is not None and not _ignored_on_purpose(name, number):
                         self._before[number] = signal.signal(number, self._handler(name, code))
+            self._console.enter_context(console_end(self._end_of_console))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._console.close()
         for number, handler in self._before.items():
             signal.signal(number, handler)
         self._before.clear()
 
+    def _end_of_console(self) -> None:
+        self._count("end of the console", ExitCode.TERMINATED)
+
     def _handler(self, name: str, code: ExitCode) -> Callable[[int, FrameType | None], None]:
         def count(_number: int, _frame: FrameType | None) -> None:
-            if self.count == 0:
-                self.name, self.exit_code = name, code
-            self.count += 1
+            self._count(name, code)
 
         return count
+
+    def _count(self, name: str, code: ExitCode) -> None:
+        if self.count == 0:
+            self.name, self.exit_code = name, code
+        self.count += 1

@@ -9,6 +9,7 @@ import socket
 import subprocess
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
@@ -172,27 +173,44 @@ class GuardedPort:
 def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
     """Start the guard's process, and connect to it."""
     secret = secrets.token_hex(16)
-    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0) | getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
         server.settimeout(_STARTS_WITHIN)
         port = str(server.getsockname()[1])
         command = module_command("rigctl.backends.transport.guard", port)
-        process = subprocess.Popen(  # noqa: S603 - this Python, this package
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            encoding="ascii",
-            start_new_session=True,  # it must not receive Ctrl-C from the terminal
-            creationflags=flags,
-        )
+        process = _independent(command)
         try:
             return _accept(server, process, secret), process
         except BaseException:
             process.kill()
             process.wait()
             raise
+
+
+def _independent(command: list[str]) -> subprocess.Popen[str]:
+    """Start a process that outlives this one, its terminal and, on Windows, its job where that permits it.
+
+    Programs that start others put them into a job on Windows, which may end all of them with the first: `py`,
+    editors, schedulers.
+    """
+    # a console and a group of its own: it must not receive Ctrl-C, nor end with the window
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0) | getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+    out_of_job = getattr(subprocess, "CREATE_BREAKAWAY_FROM_JOB", 0)
+    start = partial(
+        subprocess.Popen,
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        encoding="ascii",
+        start_new_session=True,  # the same on POSIX
+    )
+    try:
+        return start(creationflags=flags | out_of_job)
+    except PermissionError:
+        if not out_of_job:
+            raise
+        return start(creationflags=flags)
 
 
 def _accept(server: socket.socket, process: subprocess.Popen[str], secret: str) -> socket.socket:
