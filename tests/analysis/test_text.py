@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
@@ -120,7 +121,8 @@ def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
     best: Any = SimpleNamespace(candidates=[leak], unusual={}, undetermined=())
     left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
     assert against_identity(best, {}, left, 30.0**2) == [
-        "it leaves 6 sigma, more than a different shape of so small an effect accounts for"
+        "what it leaves is 6.0 times as strong as chance, more than a different shape of so small an effect "
+        "accounts for"
     ]
     assert not against_identity(best, {}, left, 300.0**2)
     assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
@@ -133,7 +135,7 @@ def test_several_effects_that_leave_something_may_imitate_another() -> None:
     pair: Any = SimpleNamespace(candidates=chosen, unusual={}, undetermined=())
     left = Remainder(0.004, 30.0, 0.001, "", "", "", "0.4 % is left")
     (reason,) = against_identity(pair, {}, left, 500.0**2)
-    assert reason.startswith("together they leave 30 sigma that no other shape of their laws explains")
+    assert reason.startswith("together they leave a pattern 30 times as strong as chance that no other shape")
     (reason,) = against_identity(pair, {}, replace(left, slot="pump_flow"), 500.0**2)
     assert reason == "what they leave points to a term at pump_flow, where none of them acts"
     assert not against_identity(pair, {}, None, 500.0**2)
@@ -145,7 +147,8 @@ def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:
     said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen).text
     assert said == (
         "Something is missing, but the data show too little of it to identify it: position_gain explains "
-        "more of it than any other effect (3.9 sigma), but with it mBIC rises by 2.4"
+        "more of it than any other effect, 3.9 times as strong as chance, but among so many effects that is "
+        "too little"
     )
     unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}).text
     assert unseen == "Something is missing that no effect of the library explains"
@@ -176,6 +179,8 @@ def test_ambiguity_from_a_check_names_no_other_effects() -> None:
     assert "valve_leakage and coulomb_friction do not predict data that they were not fitted to" in said
     assert "cannot tell which" not in said
     close = [replace(RIVAL, separation=0.4)]
+    words = statement(Verdict.AMBIGUOUS, 0.0, [], close)
+    assert not re.search(r"\bcos\b|d = |mBIC|sigma|χ²", words)  # those are evidence, not the answer
     assert "cannot tell which" in statement(Verdict.AMBIGUOUS, 0.0, [], close)
     both = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage"], close)
     assert "cannot tell which" in both

@@ -26,6 +26,7 @@ from rigctl.report.run_data import RunData, read_run
 from rigctl.report.section import Section
 from rigctl.report.sections.outcome import readable, safety, statement, summarise
 from rigctl.report.signals import end_to_end, overview_plot
+from rigctl.report.words import WORDS, words_in
 from rigctl.report.write import assemble
 from rigctl.rig import load_rig
 
@@ -329,3 +330,14 @@ def test_an_old_page_is_replaced_without_leftovers(make_run: RunMaker, tmp_path:
 def test_a_report_without_runs_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="at least one run"):
         write_report([], tmp_path / "page.html")
+
+
+def test_the_glossary_has_every_word_that_a_page_explains() -> None:
+    glossary = (Path(__file__).parents[2] / "docs" / "reference" / "glossary.md").read_text(encoding="utf-8")
+    for word, meaning in WORDS.items():
+        assert f"| {word} | {meaning} |" in glossary
+
+
+def test_a_page_explains_only_the_words_that_it_uses() -> None:
+    found = words_in("<p class='sigma'>3.2 times as strong as chance (p = 0.2), R² 99 %, mBICs</p>")
+    assert list(found) == ["times as strong as chance", "R²", "p", "mBIC"]

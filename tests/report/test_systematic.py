@@ -72,7 +72,7 @@ def test_a_fall_within_the_noise_is_named_as_one() -> None:
     assert position.sizes == (0.0, 0.0)
     assert position.changed
     text = error_text([position]).partition("; the noise of")[0]
-    assert text == f"within the noise before and after, falls on position by {position.hidden_fall}"
+    assert text == "within the noise before and after, smaller now, position"
 
 
 def test_what_a_test_rejects_is_not_within_the_noise() -> None:

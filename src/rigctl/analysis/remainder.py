@@ -47,7 +47,7 @@ class Remainder:
     @property
     def amount(self) -> str:
         """Its size in words."""
-        return f"{self.size:.0f} sigma" if self.size**2 >= STATED else "a detectable pattern"
+        return f"a pattern {strength(self.size)}" if self.size**2 >= STATED else "a detectable pattern"
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -61,6 +61,12 @@ class Remainder:
             "statement": self.statement,
             "below_noise": self.below_noise,
         }
+
+
+def strength(size: float) -> str:
+    """A size in standard deviations of what noise alone makes of it, in words."""
+    number = f"{size:.0f}" if size >= 10.0 else f"{size:.1f}"
+    return f"{number} times as strong as chance"
 
 
 def remainder(search: Search, best: RefittedSet) -> Remainder | None:
@@ -82,7 +88,7 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     statement = f"a test still detects something ({chance_text(p)}), too weak for its size to be stated"
     if excess >= STATED:
         share = share_text(search.left(best))
-        statement = f"{share} of the misfit is left, {math.sqrt(excess):.0f} sigma ({chance_text(p)})"
+        statement = f"{share} of the misfit is left, {strength(math.sqrt(excess))} ({chance_text(p)})"
     if slot:
         statement += f", most of it at {slot}"
     if trend is not None:

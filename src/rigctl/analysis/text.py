@@ -25,7 +25,7 @@ from rigctl.analysis.decision_levels import (
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.identity import only_constants, wanted_elsewhere
 from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.remainder import Remainder, share_text
+from rigctl.analysis.remainder import Remainder, share_text, strength
 from rigctl.analysis.rivals import Differs, Rival
 from rigctl.analysis.undecided import undecided_text
 from rigctl.effects.declaration import Effect
@@ -127,13 +127,13 @@ def verdict_text(
         opening, text = f"{names} is missing", described
         alike = [rival for rival in rivals if rival.cos > ALIKE]
         if alike:
-            text += f". {_capitalised(rival_text(min(alike, key=lambda rival: rival.difference)))}"
+            text += f". {_capitalised(rival_sentence(min(alike, key=lambda rival: rival.difference)))}"
     elif close:
         opening = "Something is missing, and these data cannot tell which effect it is"
         text = ". ".join(
             [
                 f"{opening}. Most probable: {described}",
-                *(_capitalised(one) for one in (*map(rival_text, close), *against)),
+                *(_capitalised(one) for one in (*map(rival_sentence, close), *against)),
             ]
         )
     else:
@@ -188,8 +188,8 @@ def _unnamed_text(visible: Ranked | None, doubt: str) -> str:
     if visible is not None:
         return (
             f"{opening}, but the data show too little of it to identify it: "
-            f"{visible.effect} explains more of it than any other effect ({visible.size:.1f} sigma), but "
-            f"with it mBIC rises by {visible.delta_bic:.1f}"
+            f"{visible.effect} explains more of it than any other effect, {strength(visible.size)}, but "
+            "among so many effects that is too little"
         )
     if doubt:
         return f"{opening}, and no effect of the library explains it"
@@ -273,8 +273,8 @@ def against_identity(
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
     if remaining is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < remaining.size:
         reasons.append(
-            f"it leaves {remaining.size:.0f} sigma, more than a different shape of so small an effect "
-            "accounts for"
+            f"what it leaves is {strength(remaining.size)}, more than a different shape of so small an "
+            "effect accounts for"
         )
     return reasons
 
@@ -314,23 +314,39 @@ def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
     return f"{' and '.join(failed)} {does} not fitted to"
 
 
+def rival_sentence(rival: Rival) -> str:
+    """What else it could be and where the two differ most, for an answer; `rival_text` has the evidence."""
+    other = f"{rival.name} and {rival.beside} together" if rival.beside else rival.name
+    text = f"{other} would look like {rival.member}"
+    if rival.unusual:
+        text += f" with its {rival.unusual}"
+    text += _largest_difference(rival)
+    return f"{text}, and these data {'' if rival.separable else 'do not '}tell them apart"
+
+
 def rival_text(rival: Rival) -> str:
     """How similar the two are, where they differ, and whether these data distinguish them."""
     other = f"{rival.name} and {rival.beside} together" if rival.beside else rival.name
     text = f"{other} would look like {rival.member} (cos {rival.cos:.2f})"
     if rival.unusual:
         text += f" with its {rival.unusual}"
-    where = rival.differs
-    if where is not None:
-        text += _alike_text(where)
-        most = f" at {where.condition}" if where.condition else ""
-        text += (
-            f"; the two differ most in {where.channel}{' in ' if where.phase else ''}{where.phase}, by up to "
-            f"{abs(where.largest):.2g} {where.unit}{most}"
-        )
+    if rival.differs is not None:
+        text += _alike_text(rival.differs) + _largest_difference(rival)
     if rival.separable:
         return f"{text}, and these data tell them apart (d = {rival.separation:.1f})"
     return f"{text}, and these data do not tell them apart ({_lacking(rival)})"
+
+
+def _largest_difference(rival: Rival) -> str:
+    """The clause on where the two differ most; "" if they predict the same."""
+    where = rival.differs
+    if where is None:
+        return ""
+    most = f" at {where.condition}" if where.condition else ""
+    return (
+        f"; the two differ most in {where.channel}{' in ' if where.phase else ''}{where.phase}, by up to "
+        f"{abs(where.largest):.2g} {where.unit}{most}"
+    )
 
 
 def _lacking(rival: Rival) -> str:

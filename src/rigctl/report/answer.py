@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.slot_evidence import SlotEvidence
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import Source, Standing
 from rigctl.report.numbers import plural
@@ -142,7 +143,7 @@ def error_text(channel_falls: Sequence[ChannelFall], pattern: str = "") -> str:
         changed = [one for one in channel_falls if one.changed]
         if not changed:
             return f"unchanged in every channel: {_state(channel_falls, -1)}{note}"
-        hidden = [f"{one.channel} by {one.hidden_fall}" for one in changed if one.hidden_fall]
+        hidden = [one.channel for one in changed if one.hidden_fall]
         sizes = [
             f"{one.channel} from {_size(one, 0)} to {_size(one, -1)}"
             for one in changed
@@ -150,7 +151,7 @@ def error_text(channel_falls: Sequence[ChannelFall], pattern: str = "") -> str:
         ]
         parts = [_own_fall(one) for one in changed if one.own]
         parts += [f"beyond the noise, {'; '.join(sizes)}"] if sizes else []
-        parts += [f"within the noise before and after, falls on {', '.join(hidden)}"] if hidden else []
+        parts += [f"within the noise before and after, smaller now, {', '.join(hidden)}"] if hidden else []
         return f"{'; '.join(parts)}{note}"
     if pattern and all(one.within(0) for one in channel_falls):
         return f"no larger than the noise on any channel, but not random ({pattern}){note}"
@@ -181,8 +182,7 @@ def _own_fall(one: ChannelFall) -> str:
 
 
 def _size(one: ChannelFall, index: int) -> str:
-    amount = one.amount(index)
-    return f"{one.sigmas(index)} ({amount})" if amount else one.sigmas(index)
+    return one.amount(index) or one.sigmas(index)
 
 
 def held_out_text(fits: Sequence[FitResult]) -> str:
@@ -216,5 +216,11 @@ def _wanted(model: ModelComparison) -> str:
     known = [one for one in model.slots if one.log_evidence > SLOT_SEPARABLE]
     if not known or (model.rows and len(known[0].alike) > 1):
         return ""
-    near = [one.slot for one in known if one.slot in known[0].alike][:2]
-    return f"a term at {' or '.join((known[0].slot, *near))}"
+    near = [one for one in known if one.slot in known[0].alike][:2]
+    return f"a term: {'; or '.join(_place(one) for one in (known[0], *near))}"
+
+
+def _place(slot: SlotEvidence) -> str:
+    """Where a term is missing, in words, and its name where it is one."""
+    meanings = slot.meaning.split("; ")
+    return f"{meanings[0]} ({slot.slot})" if len(meanings) == 1 else ", ".join(meanings)

@@ -9,8 +9,9 @@ from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
 from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
-from rigctl.analysis.remainder import share_text
+from rigctl.analysis.remainder import share_text, strength
 from rigctl.analysis.text import would_be_missing
+from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.report.answer import Answer, Tone, error_text, fit_text, nonempty, pattern_of
@@ -40,6 +41,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
         facts = [
             ("fit", fit_text(diagnosis.before)),
             (_size_head(diagnosis), _sizes(diagnosis)),
+            *(("or", one) for one in _others(diagnosis)),
             ("certain", _certain(diagnosis)),
             ("how sure", _sureness(diagnosis)),
             ("error", _error(diagnosis)),
@@ -117,8 +119,19 @@ def _alike(diagnosis: Diagnosis) -> str:
     close = [group for group in diagnosis.classes if len(group) > 1]
     if diagnosis.verdict is not Verdict.AMBIGUOUS or not close:
         return ""
+    if len(close) == 1 == len(diagnosis.effects):
+        return f"these data cannot tell which of {len(close[0])} effects it is"
     pairs = [f"{first} from {_listed(others)}" for first, *others in close]
     return f"these data cannot distinguish {', nor '.join(pairs)}"
+
+
+def _others(diagnosis: Diagnosis) -> list[str]:
+    """What else it could be, each as a sentence with its name; empty unless the verdict is ambiguous."""
+    if not _alike(diagnosis):
+        return []
+    effects = library(diagnosis.best.fit.problem.model.family)
+    names = dict.fromkeys(name for first, *others in diagnosis.classes for name in others)
+    return [f"{effects[name].summary.rstrip('.')} ({name})" if name in effects else name for name in names]
 
 
 def _not_distinguished(steps: Sequence[Step]) -> str:
@@ -149,8 +162,9 @@ def _sizes(diagnosis: Diagnosis) -> str:
     parts = []
     for one in chosen:
         text = _parameters(diagnosis, named[one.name])
-        parts.append(text if alone else f"{one.name} ({text})" if text else one.name)
-    return " and ".join(parts)
+        said = f"{one.effect.summary.rstrip('.')} ({one.name})"
+        parts.append(text if alone else f"{said}, {text}" if text else said)
+    return "; and ".join(parts)
 
 
 def _parameters(diagnosis: Diagnosis, one: Ranked) -> str:
@@ -178,7 +192,7 @@ def _sureness(diagnosis: Diagnosis) -> str:
     if not members:
         return ""
     first = max(members, key=lambda one: one.size)
-    parts = [f"stands out from the noise by {first.size:.0f} sigma"]
+    parts = [f"stands out from the noise, {strength(first.size)}"]
     if math.isfinite(first.heldout_before):
         before, after = (significant(one, 3) for one in (first.heldout_before, first.heldout_after))
         parts.append(f"error on conditions left out: {before} to {after} of the noise")
@@ -204,7 +218,7 @@ def _left(diagnosis: Diagnosis) -> str:
     remainder = diagnosis.remainder
     where = f", most at {remainder.slot}" if remainder.slot else ""
     over = f", over {remainder.over}" if remainder.over else ""
-    return f"{share_text(remainder.share)} of the misfit, {remainder.size:.0f} sigma{where}{over}"
+    return f"{share_text(remainder.share)} of the misfit, {strength(remainder.size)}{where}{over}"
 
 
 def _left_beside_floor(diagnosis: Diagnosis) -> str:

@@ -19,6 +19,7 @@ from markupsafe import Markup
 from rigctl.report.numbers import moment, plural
 from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, render
+from rigctl.report.words import words_in
 
 _ASSETS = Path(__file__).parent / "assets"
 
@@ -38,6 +39,7 @@ def page(runs: Sequence[RunData], sections: Sequence[Section], timestamp: dateti
         title=about or title(runs),
         subtitle=f"on {title(runs)}, {subtitle(runs)}" if about else subtitle(runs),
         sections=sections,
+        words=words_in(" ".join(str(section.body) for section in sections)) if about else {},
         contents=not about,  # on a page with an answer the folded titles are the table of contents
         policy=policy(scripts),
         style=Markup(_asset("page.css")),  # noqa: S704 - a file of this package

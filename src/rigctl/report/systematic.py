@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rigctl.analysis.decision_levels import ALPHA
+from rigctl.analysis.remainder import strength
 from rigctl.report.numbers import number, symbol
 from rigctl.units import parse_unit, significant
 
@@ -73,23 +74,21 @@ class ChannelFall:
         return abs(self.difference) > _FLOOR**2
 
     @property
-    def hidden_fall(self) -> str:
-        """``8.3 sigma``, by which an error that is within the noise before and after falls; "" otherwise."""
-        if self.own or not (self.within(0) and self.within(-1) and self.difference > 0.0):
-            return ""
-        return _in_sigmas(math.sqrt(self.difference))
+    def hidden_fall(self) -> bool:
+        """Whether an error that is within the noise before and after falls all the same."""
+        return not self.own and self.within(0) and self.within(-1) and self.difference > 0.0
 
     def within(self, index: int) -> bool:
         """Whether the error of that model is within the noise."""
         return self.sizes[index] == 0.0
 
     def sigmas(self, index: int) -> str:
-        """``41 sigma``, or ``4.2 times its white noise``, or a note that it is within the noise."""
+        """``41 times as strong as chance``, ``4.2 times its white noise``, or that it is within the noise."""
         if self.within(index):
             return "within the noise"
         if self.own:
             return f"{significant(self.sizes[index], 2)} times its {self.own}"
-        return _in_sigmas(self.sizes[index])
+        return strength(self.sizes[index])
 
     def beside_noise(self, index: int) -> str:
         """With `own` and beyond the noise: ``0.092 V, 4.2 times its white noise of 0.022 V``."""
@@ -104,10 +103,6 @@ class ChannelFall:
         """The error in the channel's unit: ``0.10 mm``; "" if it is within the noise."""
         amount = self.amounts[index]
         return f"{_two(amount)} {self.unit}".strip() if not self.within(index) and amount > 0.0 else ""
-
-
-def _in_sigmas(size: float) -> str:
-    return f"{size:.0f} sigma" if size >= 10.0 else f"{size:.1f} sigma"
 
 
 def _two(value: float) -> str:

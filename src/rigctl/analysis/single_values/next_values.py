@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.power import significant_size
 from rigctl.analysis.refit_alone import alone
+from rigctl.analysis.remainder import strength
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.single_values.rows import short_condition
 from rigctl.analysis.single_values.statements import near_chance
@@ -211,7 +212,7 @@ def next_against_chance(before: ModelComparison) -> list[str]:
         if repeats:
             lines.append(
                 f"read each condition {repeats} times: {score.effect}, if it is as large as it seems, would "
-                f"then stand out by {score.z * math.sqrt(repeats):.1f} sigma"
+                f"then be {strength(score.z * math.sqrt(repeats))}"
             )
     return lines
 
@@ -239,7 +240,7 @@ def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
             lines.append(
                 f"read {problem.measurements.titles.get(output, output)} at "
                 f"{short_condition(points[index], units)} too: {score.effect} changes it there by "
-                f"{change:+.0f} %, {abs(deviation[index]):.0f} sigma of a reading"
+                f"{change:+.0f} %, {abs(deviation[index]):.0f} times the noise of a reading"
             )
     return lines
 

@@ -74,10 +74,10 @@ def table_findings(
 
 
 def off(row: TableRow, predicted: float) -> str:
-    """In words, e.g. ``the model is 3.0 % (0.29 cSt) below the measured value, 4.2 sigma``."""
+    """In words, e.g. ``the model is 3.0 % (0.29 cSt) below the measured value, 4.2 times its noise``."""
     z = (predicted - row.measured) / row.noise
     side = "above" if predicted > row.measured else "below"
-    return f"the model is {_how_much(row, predicted)} {side} the measured value, {abs(z):.1f} sigma"
+    return f"the model is {_how_much(row, predicted)} {side} the measured value, {abs(z):.1f} times its noise"
 
 
 def _how_much(row: TableRow, predicted: float) -> str:
@@ -169,8 +169,8 @@ def _before(rows: Sequence[TableRow]) -> list[str]:
     text = f"With the constants of its file, at {worst.condition} {off(worst, worst.unfitted)}"
     if abs(worst.z) < _NEAR:
         return [
-            f"{text}. Fitted to this table it is {abs(worst.z):.1f} sigma off there: that misfit is one of "
-            "the constants, and no evidence against the law"
+            f"{text}. Fitted to this table it is {abs(worst.z):.1f} times the noise off there: that misfit "
+            "is one of the constants, and no evidence against the law"
         ]
     if abs(worst.z) > _MOST * abs(worst.z_unfitted or 1.0):
         return [f"{text}, and refitting its constants does not remove that"]

@@ -126,14 +126,15 @@ def _bars(title: str, shown: Sequence[ChannelFall], named: NamedModels) -> Marku
 def _bar(one: ChannelFall, index: int, label: str, largest: float) -> Bar:
     within, last = one.within(index), index == len(one.sizes) - 1 > 0
     length = 0.0 if within else one.sizes[index] / largest
-    return Bar(words(label), length, one.sigmas(index), _beside(one, index), 0 if last else 1)
+    size = one.sigmas(index) if one.own else one.amount(index) or one.sigmas(index)
+    return Bar(words(label), length, size, _beside(one, index), 0 if last else 1)
 
 
 def _beside(one: ChannelFall, index: int) -> str:
     amount = one.amount(index)
     what = one.own or "noise"
     noise = f"; one reading has {one.noise_text} of {what}" if index == 0 else ""
-    return f"{amount}{noise}" if amount else ""
+    return (f"{amount}{noise}" if one.own else noise.removeprefix("; ")) if amount else ""
 
 
 def _unchanged(channel_falls: Sequence[ChannelFall], shown: Sequence[ChannelFall]) -> str:
