@@ -215,6 +215,15 @@ def test_unknown_names_are_refused_with_the_nearest_one(
         assert says in refusal("survey", *SHARED, *options)
 
 
+def test_a_condition_with_an_unknown_name_is_refused_before_anything_is_fitted(
+    year: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigctl.monitoring.survey.fit_problem", None)
+    monkeypatch.setattr("rigctl.monitoring.survey.read_entry", None)
+    with chdir(year):
+        assert "did you mean 'record'" in refusal("survey", *SHARED, "--only", "recrod > 1")
+
+
 def test_a_shared_parameter_is_held_and_still_tested(year: Path) -> None:
     with chdir(year):
         found = answer("survey", *SHARED, "--share", "delivery", "--over", "pressure", "--by", "month")

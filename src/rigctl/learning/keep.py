@@ -170,6 +170,14 @@ class Kept:
         self.write()
         return one
 
+    def discard_if_nothing_was_learned(self) -> None:
+        """Remove the folder of a session that was refused before its first result: it holds only the task."""
+        only = [one.name for one in self.folder.iterdir()] == [_STATE]
+        begun = any(one.run or one.lost or one.verdict for one in self.rounds)
+        if only and not begun:
+            (self.folder / _STATE).unlink()
+            self.folder.rmdir()
+
     def close(self, learned: Learned) -> Learned:
         """Record that it has ended, unless it can continue."""
         if learned.ended is not LearningEnd.STOPPED:

@@ -136,11 +136,11 @@ def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
     RigctlError
         as `rigctl.analysis.fitting.read_runs`, and if a record of the entry no longer exists.
     """
-    data = _measured(plan, entry.runs)
+    data = measured(plan, entry.runs)
     if entry.records is not None:
         wanted = set(entry.records)
-        measured = data.measurements.records
-        indices = [k for k, record in enumerate(measured) if (record.run, record.index) in wanted]
+        records = data.measurements.records
+        indices = [k for k, record in enumerate(records) if (record.run, record.index) in wanted]
         if not indices:
             raise RigctlError("none of its records can be used")
         data = Data(data.measurements.only(indices), data.noise.only(indices), ())
@@ -154,7 +154,8 @@ def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
 _LAST: list[tuple[tuple[Any, ...], Data]] = []
 
 
-def _measured(plan: Plan, refs: tuple[str, ...]) -> Data:
+def measured(plan: Plan, refs: tuple[str, ...]) -> Data:
+    """The records of the runs, read once for all entries that are records of them."""
     key = (plan.model.family, plan.model.rig, plan.only, plan.assume, refs)
     for known, data in _LAST:
         if known == key:

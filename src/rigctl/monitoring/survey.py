@@ -15,11 +15,13 @@ from rigctl.dataset import Run
 from rigctl.dataset.copies import without_copies
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError, unknown_name
+from rigctl.model.measured.conditions import variable_units
+from rigctl.model.measured.hold_out import check_condition
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 from rigctl.monitoring.changed_effect import name_changes, not_diagnosed, parameters_of
 from rigctl.monitoring.entries import Entries, Entry, entries_of
-from rigctl.monitoring.evaluation import Failure, Plan, Reading, problem_of, read_entry
+from rigctl.monitoring.evaluation import Failure, Plan, Reading, measured, problem_of, read_entry
 from rigctl.monitoring.multiplicity import Quantity, judge
 from rigctl.monitoring.result import Line, Survey
 from rigctl.tasks import Workers, map_tasks
@@ -71,6 +73,8 @@ def survey(
     freed = tuple(name for name in model.fitted if name not in shared)
     runs, copies = without_copies(runs)
     ordered = entries_of(runs, by, over)
+    if only is not None:
+        _require_condition(Plan(model, freed, (), (), None, tuple(assume)), ordered.entries, only)
     started, picked = _starting_model(model, freed, ordered.entries, only, tuple(assume), effects, report)
     plan = Plan(started, freed, shared, picked, only, tuple(assume))
     quantities = _quantities(plan)
@@ -109,6 +113,30 @@ def survey(
         named=named,
         notes=(*notes, *_copy_notes(copies), *ordered.notes),
     )
+
+
+def _require_condition(plan: Plan, entries: Sequence[Entry], only: str) -> None:
+    """Refuse a condition whose names no run has, before anything is fitted.
+
+    Raises
+    ------
+    RigctlError
+        none of the first runs has them, or it is not a condition.
+    """
+    refused: RigctlError | None = None
+    for entry in entries[:_TRIED]:
+        try:
+            measurements = measured(plan, entry.runs).measurements
+        except RigctlError:  # it is reported with the others
+            continue
+        try:
+            check_condition(measurements, only, variable_units(measurements))
+        except RigctlError as problem:
+            refused = refused or problem
+        else:
+            return
+    if refused is not None:
+        raise refused
 
 
 def _copy_notes(copies: Sequence[tuple[Run, Run]]) -> Iterator[str]:

@@ -153,7 +153,7 @@ def learn(
         return yes or _confirmed()
 
     with shown(wanted=serve):
-        learned = Learner(
+        learner = Learner(
             session,
             _bench(session.task, person),
             find_project().runs,
@@ -162,7 +162,13 @@ def learn(
                 "measurements and additions are kept; 'rigctl learn --resume' continues"
             ),
             on_round=lambda one: None if as_json else show_round(one),
-        ).learn()
+        )
+        try:
+            learned = learner.learn()
+        except RigctlError:
+            if not resume:
+                session.discard_if_nothing_was_learned()
+            raise
         page = _write_page(session, learned)
         if as_json:
             print_json(learned.document() | {"folder": session.folder.as_posix(), "page": page.as_posix()})

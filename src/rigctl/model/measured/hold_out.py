@@ -35,6 +35,18 @@ def chosen(measurements: Measurements, text: str | None, units: Mapping[str, str
     return _chosen(measurements, text, units, "no record is chosen by this")
 
 
+def check_condition(measurements: Measurements, text: str, units: Mapping[str, str]) -> None:
+    """Check that a text is a condition on the records' variables, whether or not it selects one.
+
+    Raises
+    ------
+    RigctlError
+        it is not, or names something unknown.
+    """
+    if not parse(text).check(_types(measurements, units)).boolean:
+        raise RigctlError("records are chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'")
+
+
 def held_out(
     measurements: Measurements, text: str | None, units: Mapping[str, str], only: str | None = None
 ) -> tuple[int, ...]:
