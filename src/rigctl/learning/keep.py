@@ -177,6 +177,8 @@ class Kept:
         if only and not begun:
             (self.folder / _STATE).unlink()
             self.folder.rmdir()
+            if not any(self.folder.parent.iterdir()):  # the project's first session
+                self.folder.parent.rmdir()
 
     def close(self, learned: Learned) -> Learned:
         """Record that it has ended, unless it can continue."""
