@@ -56,6 +56,20 @@ def test_values_are_completed(bench: Path, line: str, expected: set[str]) -> Non
     assert offered(bench, line) == expected
 
 
+def test_powershell_is_offered_the_same_where_rigctl_runs_as_a_module(bench: Path) -> None:
+    """As `py -m rigctl`, for which the variables had a name with spaces."""
+    asked = {
+        "_RIGCTL_COMPLETE": "complete_powershell",
+        "_TYPER_COMPLETE_ARGS": "rigctl report la",
+        "_TYPER_COMPLETE_WORD_TO_COMPLETE": "la",
+    }
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "rigctl"],
+        cwd=bench, env={**os.environ, **asked}, capture_output=True, encoding="utf-8", check=False,
+    )  # fmt: skip
+    assert done.stdout.startswith("latest")
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

@@ -146,7 +146,7 @@ def main() -> None:
 def _carry_out() -> None:
     wanted = "--json" in sys.argv[1:]
     try:
-        app()
+        app(prog_name="rigctl")  # also as `py -m rigctl`, whose own name no shell could complete
     except RigctlError as error:
         _refuse(error, as_json=wanted)
     except RecursionError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
@@ -9,6 +10,7 @@ from typing import Final
 from rigctl.dataset import log, run_json
 from rigctl.errors import Location, RigctlError
 from rigctl.files.regular import regular
+from rigctl.files.reserved_names import reserved_part
 
 #: bytes that are read to recognise a file
 _HEAD: Final = 4096
@@ -42,6 +44,7 @@ def require_output(
     replaces: Callable[[bytes], bool] | None = None,
     force: bool = False,
     option: str = "--force",
+    windows: bool = os.name == "nt",
 ) -> None:
     """Refuse a path where writing would destroy something else.
 
@@ -51,12 +54,14 @@ def require_output(
         kind, which is replaced without asking; None to replace nothing.
     force: replace any file except one of a run.
     option: the option for this, for messages; empty if there is none.
+    windows: whether the system is Windows, where some names are devices.
 
     Raises
     ------
     RigctlError
-        the path is in a run's folder or below a file, is a folder, or is another file.
+        the path is in a run's folder or below a file, is a folder or a device, or is another file.
     """
+    _require_no_device(path, windows=windows)
     _require_outside_runs(path)
     _require_no_file(path.parent)
     if path.is_dir():
@@ -78,7 +83,7 @@ def require_outputs(paths: Sequence[Path], *, replaces: Callable[[bytes], bool],
         require_output(path, replaces=replaces, force=force)
 
 
-def require_folder(folder: Path) -> None:
+def require_folder(folder: Path, *, windows: bool = os.name == "nt") -> None:
     """Refuse a folder for new files, before the work that they are the result of; it need not exist.
 
     Raises
@@ -86,8 +91,19 @@ def require_folder(folder: Path) -> None:
     RigctlError
         the folder is in a run's folder, or it or one above it is a file.
     """
+    _require_no_device(folder, windows=windows)
     _require_outside_runs(folder)
     _require_no_file(folder)
+
+
+def _require_no_device(path: Path, *, windows: bool) -> None:
+    device = reserved_part(path) if windows else None
+    if device is not None:
+        raise RigctlError(
+            f"{device!r} is a device on Windows, in every folder",
+            where=Location(path),
+            expected="another name",
+        )
 
 
 def _require_outside_runs(path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Final
 
 from rigctl.dataset.day_folders import is_taken
 from rigctl.errors import RigctlError, nearest_name
+from rigctl.files.reserved_names import is_reserved
 
 #: name of the newest run on the command line
 LATEST: Final = "latest"
@@ -23,10 +24,11 @@ def slug(name: str) -> str:
     """Return a procedure's name for a folder's name: lower-case ASCII letters, digits and dashes.
 
     ``slug("Stroke campaign (40 °C)")`` is ``stroke-campaign-40-c``; a name without any such character is
-    ``run``.
+    ``run``, and one that is a device on Windows begins with it: ``run-aux``.
     """
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii").lower()
-    return re.sub(r"[^a-z0-9]+", "-", ascii_name)[:_SLUG_LENGTH].strip("-") or "run"
+    plain = re.sub(r"[^a-z0-9]+", "-", ascii_name)[:_SLUG_LENGTH].strip("-") or "run"
+    return f"run-{plain}" if is_reserved(plain) else plain
 
 
 class SeveralRuns(RigctlError):

@@ -119,9 +119,11 @@ def write_error(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
+        in_use = getattr(problem, "winerror", None) in _IN_USE and path.exists()
         raise RigctlError(
             f"cannot write the file: {problem.strerror or problem}",
             where=Location(path),
+            hint="If another program has it open, as a spreadsheet may, close it there" if in_use else None,
             exit_code=ExitCode.FAILED,
         ) from problem
 
