@@ -70,12 +70,15 @@ def one(folder: Path, seed: str, how: str) -> float:
             env={**os.environ, "WIN_PD_OVERRIDE_LOCAL_APPDATA": state},
         )
         try:
-            _wait_for(lambda: board.sketch.heaters == (60.0, 0.0) or host.poll() is not None)
+            _wait_for(lambda: board.sketch.heaters == (60.0, 0.0) or host.poll() is not None, 180.0)
             assert host.poll() is None, host.communicate()
             time.sleep(rng.uniform(0.0, 2.5))
             began = time.monotonic()
             out, err = host.communicate(how + "\n", timeout=120.0)
-            _wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
+            try:
+                _wait_for(lambda: board.sketch.heaters == (0.0, 0.0), 30.0)
+            except AssertionError:
+                raise AssertionError(f"THE HEATER IS ON, {board.switched}: {out} {err}") from None
             time.sleep(1.0)
         finally:
             host.kill()
