@@ -208,7 +208,7 @@ def versions_beside_each_other(bench: Page) -> None:
 def opened(bench: Page, leaking: Served) -> Iterator[Page]:
     """The imported data and the model on a separate page, without steps or results of other tests."""
     page = bench.context.new_page()
-    page.goto(f"{leaking.base}/workbench")
+    page.goto(f"{leaking.base}/workbench?choose")  # nothing is opened by itself
     page.get_by_role("checkbox", name=re.compile("few")).wait_for()
     for box in page.locator("fieldset input[type=checkbox]").all():
         box.uncheck()
@@ -249,7 +249,7 @@ def shown_run(page: Page) -> str:
 
 def test_the_errors_of_a_table_of_single_values_follow_the_sliders(bench: Page, leaking: Served) -> None:
     page = bench.context.new_page()
-    page.goto(f"{leaking.base}/workbench")
+    page.goto(f"{leaking.base}/workbench?choose")  # nothing is opened by itself
     page.get_by_text("Bring in measured data").click()
     page.get_by_label("File").fill("data/hl32-viscosity.csv")
     page.get_by_label("Bench", exact=True).select_option(label="no bench: a table")

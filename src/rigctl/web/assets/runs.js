@@ -1,5 +1,5 @@
 // The catalogue: searched, sorted and paged by the server; one run beside it; two campaigns overlaid.
-import { api, button, clock, command, h, say, scrolling, seldom, tag, wait, word } from "./lib.js";
+import { api, button, clock, command, h, say, scrolling, seldom, tag, wait, word, work } from "./lib.js";
 import { plot } from "./plot.js";
 
 const PAGE = 50;
@@ -19,6 +19,28 @@ const apart = (value) => figure(value, 3);
 const bench = ({ kind, name, seed, ...rest }) => [kind, ...Object.entries(rest).map(([key, value]) => `${key.replaceAll("_", " ")} ${value}`)].filter(Boolean).join(", ");
 const moment = (text) => (text ? text.replace("T", " ").slice(0, 16) : "");
 
+// A project without runs: README's first steps, the first of them by a click.
+const PUBLISHED = { file: "data/hl32-strokes.csv", rig: "rigs/hl32-bench.yaml" };
+const MODEL = "models/hl32-textbook.yaml";
+const firstSteps = async (place) => {
+  const { files } = await api("/api/workbench/choices");
+  if (!files.includes(PUBLISHED.file)) return;
+  const jobs = h("div", { class: "jobs", "aria-live": "polite" });
+  const bring = button("Bring in the published strokes", async () => {
+    await work(jobs, await api("/api/workbench/import", { method: "POST", body: { ...PUBLISHED, assume: [] } }));
+    location.assign("/workbench");
+  }, { class: "primary" });
+  place.replaceChildren(h("section", { class: "panel beginning", "aria-label": "First steps" },
+    h("h2", {}, "First steps"),
+    h("p", {}, "The strokes of a hydraulic cylinder fall as its oil warms; the textbook's model says that they rise. Which effect does it lack?"),
+    h("ol", {},
+      h("li", {}, "Bring in the eight strokes that were published. The workbench opens with them and the textbook's model.", command(`rigctl import ${PUBLISHED.file} --rig ${PUBLISHED.rig}`)),
+      h("li", {}, "There, compare: the model has the wrong direction.", command(`rigctl compare latest --model ${MODEL}`)),
+      h("li", {}, "Diagnose: several effects explain it, and the answer says which measurement would decide.", command(`rigctl diagnose latest --model ${MODEL}`)),
+      h("li", {}, "Simulate that measurement on the page ", h("a", { href: "/procedure" }, "Procedure"), ", strokes over time with one of the effects hidden, and diagnose again.")),
+    h("div", { class: "toolbar" }, bring, jobs)));
+};
+
 export const show = async (container) => {
   const query = { search: "", where: "", sort: "started", order: "down", first: 0 };
   const chosen = new Set();
@@ -30,12 +52,14 @@ export const show = async (container) => {
   const head = h("tr");
   const pager = h("div", { class: "pager" });
   const elsewhere = h("div");
+  const steps = h("div");
   const actions = h("div", { class: "actions" });
   const side = h("aside", { class: "side", "aria-label": "The run that was chosen" });
   const below = h("div", { class: "below" });
   const standsFor = h("div");
 
   container.replaceChildren(
+    steps,
     h("div", { class: "toolbar" },
       h("span", { class: "labelled" }, h("label", { for: "search" }, "Find"), search),
       h("span", { class: "labelled" }, h("label", { for: "where" }, "Where"), where),
@@ -112,6 +136,8 @@ export const show = async (container) => {
     showHead();
     body.replaceChildren(...listing.runs.map(line));
     if (!listing.runs.length) body.append(h("tr", {}, h("td", { class: "empty", colspan: COLUMNS.length + 1 }, listing.all ? "No run meets this." : "There are no runs yet: a simulation on the page Procedure makes one.")));
+    if (listing.all) steps.replaceChildren();
+    else if (!steps.childElementCount) firstSteps(steps).catch(() => {});
     stated.textContent = listing.found === listing.all ? count(listing.all, "run") : `${listing.found.toLocaleString("en")} of ${count(listing.all, "run")}`;
     elsewhere.replaceChildren(...(listing.store ? [h("p", { class: "note" }, `These are the runs on this computer. Those that lie in ${listing.store} alone are listed, and analysed, by commands.`), command("rigctl runs list")] : []));
     const last = Math.min(query.first + PAGE, listing.found);

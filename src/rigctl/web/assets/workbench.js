@@ -104,7 +104,10 @@ const chooser = async (open, again) => {
       holdOutField, onlyField, assumeField,
       button("Open", () => open(choice()), { class: "primary", disabled: empty })));
   if (empty) element.append(h("p", { class: "empty" }, choices.runs.length ? "There is no model in this project's models folder." : "There is no run yet: record one, simulate one, or bring in data."));
-  return { element, auto: () => (before.runs && !empty && before.runs.every((id) => choices.runs.some((run) => run.id === id)) && known(before.model) ? before : null) };
+  // What was open before; else the newest run with a model of its bench.
+  const reopened = before.runs && !empty && before.runs.every((id) => choices.runs.some((run) => run.id === id)) && known(before.model);
+  const newest = !before.runs && !empty && named && known(named) && choices.runs[0].records > 0;
+  return { element, auto: () => (reopened ? before : newest ? choice() : null) };
 };
 
 // The buttons: each runs its command in a separate process, and shows the result.
