@@ -21,7 +21,6 @@ BEFORE: Any = SimpleNamespace(
     explained_by=None,
     bounds=(),
     undetermined=(),
-    fit=SimpleNamespace(solution=None),
 )
 
 

@@ -33,10 +33,13 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
 from rigctl.model.measured.standing import floor_alone, with_what_is_left
 from rigctl.model.model import Model
+from rigctl.model.reading_errors import ReadingError
 from rigctl.units import show
 
 #: a quantisation step of more sigmas than this hides the noise
 _COARSE = 2.0
+#: errors of sensors explain what is left if the error falls below this share
+_FALLEN = 0.8
 
 
 @checks_argument_types
@@ -110,6 +113,14 @@ def judge(
     ----------
     excluded: effects of the library that are not to be considered.
     """
+    compared = _tested(fitted, name, excluded, on_progress)
+    return _with_sensors_in_question(compared, on_progress)
+
+
+def _tested(
+    fitted: FitResult, name: str, excluded: Collection[str], on_progress: OnProgress | None
+) -> ModelComparison:
+    """The tests of a fitted model, with the errors of sensors that its fit has."""
     library_problem = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
     ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
     slopes = KnownSlopes() if fitted.problem.model.with_laws else None
@@ -122,16 +133,9 @@ def judge(
     if tests.below_noise:
         again = _without_refuted_noise(fitted)
         if again is not None:
-            return judge(again, name, excluded=excluded, on_progress=on_progress)
-    exact = None
-    if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
-        report = on_progress or no_progress
-        report(f"Fitting {name} as if every sensor were exact")
-        with suppress(RigctlError):  # it cannot be simulated without these errors: nothing to compare with
-            exact = judge(_with_exact_sensors(fitted), name, excluded=excluded, on_progress=on_progress)
+            return _tested(again, name, excluded, on_progress)
     return ModelComparison(
         name=name,
-        exact=exact if exact is not None and exact.adequacy.verdict is False else None,
         fit=fitted,
         adequacy=tests,
         linearisation=linearisation,
@@ -144,12 +148,77 @@ def judge(
     )
 
 
-def _with_exact_sensors(fitted: FitResult) -> FitResult:
-    """The model fitted again as if no calibration had an error."""
+def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress | None) -> ModelComparison:
+    """The comparison, beside the one in which sensors are exact where their errors make a difference.
+
+    Where calibrations with errors of a stated kind are in the fit already, it is repeated without them. Where
+    only an uncertainty is stated, sensors were exact: if the model does not agree, it is repeated with errors
+    of each, and that comparison is the answer if it explains what was left.
+    """
+    fitted, tests = compared.fit, compared.adequacy
+    uncertain = fitted.problem.measurements.possible_errors
+    if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
+        wrong = _if_sensors_may_be_wrong(compared, on_progress)
+        compared = _as_exact(compared)
+        if wrong is not None:
+            return replace(wrong, exact=compared)
+    if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
+        report = on_progress or no_progress
+        report(f"Fitting {compared.name} as if every sensor were exact")
+        with suppress(RigctlError):  # it cannot be simulated without these errors: nothing to compare with
+            exact = _tested(_with_reading_errors(fitted, ()), compared.name, compared.excluded, on_progress)
+            if exact.adequacy.verdict is False:
+                return replace(compared, exact=exact)
+    return compared
+
+
+def _if_sensors_may_be_wrong(
+    compared: ModelComparison, on_progress: OnProgress | None
+) -> ModelComparison | None:
+    """The comparison in which every calibration with a stated uncertainty may be wrong.
+
+    None unless that explains what a model with exact sensors leaves. Calibrations of no stated kind count
+    only here, with zero, gain and curvature: they are tried before something is said to be missing, at the
+    cost of one fit, and not in every search and design. A model that lacks something pulls its sensors beyond
+    what is stated, so that an error beyond it is no answer here.
+    """
+    name, measurements = compared.name, compared.fit.problem.measurements
+    (on_progress or no_progress)(f"Fitting {name} as if sensors were wrong within their calibrations")
+    errors = (*measurements.reading_errors, *measurements.possible_errors)
+    try:
+        wrong = _tested(_with_reading_errors(compared.fit, errors), name, compared.excluded, on_progress)
+    except RigctlError:  # it cannot be simulated with them: nothing to compare with
+        return None
+    return wrong if wrong.adequacy.agrees and _by_sensors(compared, wrong) else None
+
+
+def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:
+    """Whether it is the errors of sensors that make the model agree, and not another end of the fit."""
+    sensors = wrong.adequacy.sensors
+    if sensors is None:
+        return False
+    if sensors.matters or not exact.adequacy.unproven:
+        return sensors.matters
+    # the noise of channels in the scale of their own errors is too large to show it: these have to fall
+    return all(
+        wrong.fit.errors[name].rmse < _FALLEN * exact.fit.errors[name].rmse
+        for name in exact.adequacy.unproven
+    )
+
+
+def _as_exact(compared: ModelComparison) -> ModelComparison:
+    """The comparison, of which no search fits its sensors again."""
+    problem = compared.fit.problem
+    measurements = replace(problem.measurements, possible_errors=())
+    return replace(compared, fit=replace(compared.fit, problem=replace(problem, measurements=measurements)))
+
+
+def _with_reading_errors(fitted: FitResult, errors: tuple[ReadingError, ...]) -> FitResult:
+    """The model fitted again with these errors of its sensors."""
     problem = fitted.problem
     return fit_model(
         problem.model,
-        replace(problem.measurements, reading_errors=()),
+        replace(problem.measurements, reading_errors=errors, possible_errors=()),
         noise_in(fitted),
         fitted.held_out,
         refit=any(one.name in problem.model.fitted for one in problem.shared),

@@ -158,10 +158,12 @@ class ModelComparison:
                 "measurements within their noise"
             )
         if self.explained_by and self.sensors is not None and self.exact is not None:
+            rejected = self.exact.adequacy.verdict is False
+            chance = chance_text(self.exact.adequacy.p_value)
+            exact = f"it would not ({chance})" if rejected else "that is not decided"
             return (
                 f"{self.name} agrees with the measurements within their noise and the stated calibration: "
-                f"{self.sensors.explanation}. With exact sensors it would not "
-                f"({chance_text(self.exact.adequacy.p_value)})"
+                f"{self.sensors.explanation}. With exact sensors {exact}"
             )
         return self.located.statement
 

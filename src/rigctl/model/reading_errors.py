@@ -54,6 +54,7 @@ class ReadingError:
     runs: those recorded under this calibration; empty for all.
     number: of the calibration, from 1, where a channel has more than one.
     latest: it is the last one, under which further records would be made.
+    known: the rig file says that this part may be wrong; else only that the calibration may be.
     """
 
     channel: str
@@ -65,6 +66,7 @@ class ReadingError:
     runs: tuple[str, ...] = ()
     number: int = 1
     latest: bool = True
+    known: bool = True
 
     @property
     def parameter(self) -> str:
@@ -81,7 +83,14 @@ class ReadingError:
         """The unknown, with its prior."""
         reach = _FAR * self.std
         return Unknown(
-            self.name, 0.0, -reach, reach, scale=self.std, prior=Prior(0.0, self.std), unit=self.unit
+            self.name,
+            0.0,
+            -reach,
+            reach,
+            scale=self.std,
+            prior=Prior(0.0, self.std),
+            unit=self.unit,
+            linear=True,
         )
 
     def acts_in(self, run: str) -> bool:
@@ -130,9 +139,19 @@ def reading_errors(
         for number, (channel, runs) in enumerate(calibrations, 1):
             middle, half = _span(channel, good, rows=rows)
             last = number == len(calibrations)
+            known = channel.calibration.known_parts
             errors += [
                 ReadingError(
-                    name, part, 0.5 * size, middle, half or 1.0, si_unit(channel.unit), runs, number, last
+                    name,
+                    part,
+                    0.5 * size,
+                    middle,
+                    half or 1.0,
+                    si_unit(channel.unit),
+                    runs,
+                    number,
+                    last,
+                    known,
                 )
                 for part, size in channel.reading_uncertainty(middle, half).items()
                 if size > 0.0 and (part == "zero" or half > 0.0) and not (rows and part == "zero")
@@ -178,7 +197,7 @@ def _calibrations(
 def calibration_effect(family: ModelFamily, errors: Sequence[ReadingError]) -> Effect:
     """The errors as parameters of a system; those of outputs act on its readings, not in its equations.
 
-    Their sizes are those of the unknowns: a system with errors of these outputs is the same for all runs, and
+    Their sizes are those of the unknowns: a system is the same for all runs with errors of these names, and
     compiled once.
     """
     return Effect(

@@ -15,6 +15,8 @@ from rigctl.files.quantity import Q
 from rigctl.rig.base import IsoDate, Part
 
 _BISECTIONS = 60
+#: how many of zero, gain and curvature a calibration of each kind leaves uncertain
+_PARTS = {"point": 1, "line": 2, "data_sheet": 3}
 
 
 class Raw(Part):
@@ -57,7 +59,8 @@ class Calibration(Part):
     kind: Literal["point", "line", "data_sheet"] | None = Field(
         default=None,
         description="what `uncertainty` comes from: one `point` leaves the zero uncertain, a `line` zero and "
-        "gain, a `data_sheet` the curvature too; without it, analyses take the sensor as exact",
+        "gain, a `data_sheet` the curvature too; without it, a comparison tries all three where exact "
+        "sensors would show an error of the model",
     )
     zero: AnyDifference | None = Field(
         default=None, description="uncertainty of its zero, 95 %, instead of that by `uncertainty`"
@@ -79,8 +82,15 @@ class Calibration(Part):
         except OverflowError:
             return None
 
+    @property
+    def known_parts(self) -> bool:
+        """Whether the file says in what the calibration may be wrong: its kind, or its parts."""
+        return any(one is not None for one in (self.kind, self.zero, self.gain, self.linearity))
+
     def parts(self, origin: float, middle: float, half: float, whole: float) -> dict[str, float]:
         """Return the uncertainty, 95 %, SI, of zero, gain and curvature, each by its largest error.
+
+        A calibration of no stated kind may be wrong in any of the three, unless its parts are stated.
 
         Parameters
         ----------
@@ -89,7 +99,7 @@ class Calibration(Part):
         whole: the uncertainty of a reading, 95 %, SI.
         """
         every = ("zero", "gain", "linearity")
-        usual = every[: {"point": 1, "line": 2, "data_sheet": 3}.get(self.kind or "", 0)]
+        usual = every[: _PARTS[self.kind] if self.kind else 0 if self.known_parts else len(every)]
         parts = {part: whole if part in usual else 0.0 for part in every}
         if self.zero is not None:
             parts["zero"] = float(self.zero)

@@ -384,7 +384,7 @@ def _exact(rig: Rig) -> Iterator[str]:
     if exact:
         yield (
             f"no uncertainty is stated for {', '.join(exact)}: analyses take the readings as exact but for "
-            "their noise; 'uncertainty: 1 K' and 'kind: line' in a calibration say how it may be wrong"
+            "their noise; 'uncertainty: 1 K' in a calibration says how far it may be wrong"
         )
 
 

@@ -540,11 +540,7 @@ def make_problem(
             *habit_unknowns(measurements),
             *settings,
             *unrecorded_unknowns(measurements),
-            # those of inputs are in the equations, and the readings not linear in them
-            *(
-                replace(one.unknown, linear=one.channel in measurements.outputs)
-                for one in measurements.reading_errors
-            ),
+            *(one.unknown for one in measurements.reading_errors),
         ),
         local=tuple(
             local_unknowns(level, record, measurements, start)

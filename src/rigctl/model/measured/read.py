@@ -98,7 +98,12 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         input_noise=steady.noise,
     )
     table = as_table(measured, runs, titles(model.family.name))
-    return replace(table, reading_errors=_reading_errors(table, runs, recorded_rigs(model, runs)))
+    errors = _reading_errors(table, runs, recorded_rigs(model, runs))
+    return replace(
+        table,
+        reading_errors=tuple(one for one in errors if one.known),
+        possible_errors=tuple(one for one in errors if not one.known),
+    )
 
 
 def _reading_errors(

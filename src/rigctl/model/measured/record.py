@@ -144,7 +144,10 @@ class Measurements:
     columns: for a table, the unit of each of its columns.
     titles: for a table, the column from which an output was read if its name differs, e.g. ``stroke``.
     input_noise: standard deviation of a reading, SI, of the inputs that change continuously, if known.
-    reading_errors: how wrong the calibration of each channel may be, of outputs and of measured inputs.
+    reading_errors: how wrong the calibration of each channel may be, of outputs and of measured inputs, where
+        the rig file says in what.
+    possible_errors: the same where it states an uncertainty alone: sensors are exact in fits, but where that
+        shows an error of the model, it is fitted with these.
     """
 
     outputs: tuple[str, ...]
@@ -158,6 +161,7 @@ class Measurements:
     titles: Mapping[str, str] = field(default_factory=dict)
     input_noise: Mapping[str, float] = field(default_factory=dict)
     reading_errors: tuple[ReadingError, ...] = ()
+    possible_errors: tuple[ReadingError, ...] = ()
 
     @property
     def table(self) -> bool:
