@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from commands import MODEL, answer, refusal, told
+from commands import MODEL, answer, refusal, told, with_exact_sensors
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.design import search
@@ -34,6 +34,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("design")
     create_project(folder)
     with chdir(folder):
+        with_exact_sensors(Path("rigs", "hl32-bench.yaml"))
         told("simulate", *CAMPAIGN, "--with", "stribeck_friction", "--seed", "4")
     return folder
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import chdir
 from pathlib import Path
 
 import pytest
 
-from commands import answer, refusal, told
+from commands import answer, refusal, told, with_exact_sensors
 from rigctl.analysis.comparison import compare
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
@@ -17,6 +18,7 @@ from rigctl.model import load_model
 pytestmark = pytest.mark.usefixtures("inside")
 
 MODEL = "models/heater-board.yaml"
+RIG = Path("rigs", "heater-board.yaml")
 STEPS = ("procedures/heater-board-steps.yaml", "-a", "powers=20 %, 60 %", "-a", "dwell=10 min")
 
 
@@ -26,6 +28,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("levels")
     create_project(folder)
     with chdir(folder):
+        with_exact_sensors(RIG)
         told("simulate", *STEPS, "--with", "radiation", "--seed", "3")
     return folder
 
@@ -87,3 +90,24 @@ def test_the_misfit_of_an_unfitted_effect_does_not_count_as_overdispersion() -> 
     assert Rival("radiation", trial, 0.0, 1.0, noise=1.2).overdispersion == 1.2
     free = {unknown.name for unknown in trial.fit.problem.shared}
     assert free == {*(one.name for one in compared.fit.problem.shared), "radiation.area"}
+
+
+def test_records_tell_a_loss_from_a_thermometer_that_is_wrong_within_its_calibration() -> None:
+    """Thermometers within ±1 K of the truth may explain two steps; at higher temperatures they do not."""
+    exact = RIG.read_bytes()
+    RIG.write_text(re.sub(r"(?<=uncertainty: )[\d.]+", "1", exact.decode()), "utf-8")
+    try:
+        told("simulate", *STEPS, "--with", "radiation", "--seed", "3")
+        run = answer("runs", "show", "latest")["id"]
+        before = answer("diagnose", run, "--model", MODEL)
+        assert before["explained_by"] == "calibration"
+        assert "rigctl design" in told("diagnose", run, "--model", MODEL)
+        found = answer("design", run, "--model", MODEL, "--records", "2", "-o", "sensor.yaml")
+        assert found["rivals"][0]["name"] == "none"
+        assert "an error of the sensors" in found["statement"]
+        told("simulate", "sensor.yaml", "--with", "radiation", "--seed", "5")
+        after = answer("diagnose", run, "latest", "--model", MODEL)
+        assert after["explained_by"] is None
+        assert "radiation" in {*after["effects"], *(name for names in after["classes"] for name in names)}
+    finally:
+        RIG.write_bytes(exact)

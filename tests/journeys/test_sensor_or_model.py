@@ -42,8 +42,10 @@ def heated(levels: tuple[float, ...], radiation: float = 0.0) -> Floats:
     return np.array(course)
 
 
-def diagnosed(folder: Path, kind: str, size: float, *, stated: str = "", **physics: float) -> dict[str, Any]:
-    """The diagnosis of a board whose first thermometer has this error, both `stated` to 1 K."""
+def diagnosed(
+    folder: Path, kind: str, size: float, *, stated: str | None = "", **physics: float
+) -> dict[str, Any]:
+    """The diagnosis of a board whose first thermometer has this error; both are `stated` to 1 K, or not at all."""
     create_project(folder)
     levels = (0.8, 0.2, 0.5, 0.0, 1.0, 0.3)
     true, random = heated(levels, **physics), np.random.default_rng(3)
@@ -60,7 +62,8 @@ def diagnosed(folder: Path, kind: str, size: float, *, stated: str = "", **physi
     head = "time [s],temperature_1 [degC],temperature_2 [degC],heater_1 [%],heater_2 [%]"
     with chdir(folder):
         Path("log.csv").write_text("\n".join([head, *lines]) + "\n", "utf-8")
-        text = RIG.read_text("utf-8").replace("uncertainty: 1 K", "uncertainty: 1 K" + stated)
+        known = "" if stated is None else "uncertainty: 1 K" + stated
+        text = RIG.read_text("utf-8").replace("uncertainty: 1 K", known)
         text = text.replace("    raw: {bits: 10, low: 0, high: 1023, unit: count}\n", "")
         RIG.write_text(text.replace("[-50.0, 0.32258065]", "[0, 1]"), "utf-8")
         told("import", "log.csv", "--rig", str(RIG))
@@ -110,15 +113,12 @@ def test_exact_sensors_need_no_calibration_to_agree(tmp_path: Path) -> None:
     assert found["with_exact_sensors"] is None
 
 
-<<<<<<< HEAD
 def test_errors_in_their_own_scale_are_not_adequate(tmp_path: Path) -> None:
     """An exact sensor leaves an error of three times its white noise: whatever its cause, it is not noise."""
-    found = diagnosed(tmp_path, "zero", 0.8, stated="")
+    found = diagnosed(tmp_path, "zero", 0.8, stated=None)
     assert found["verdict"] != "adequate"
 
 
-=======
->>>>>>> parent of 435c6313 (An uncertainty without a kind counts as exact again: design and learn do not know errors of sensors, and ended where they should propose records)
 @pytest.mark.parametrize(
     ("written", "message"),
     [

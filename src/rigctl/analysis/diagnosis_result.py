@@ -309,6 +309,14 @@ class Diagnosis:
         )
 
     @property
+    def instead_of_sensors(self) -> tuple[str, ...]:
+        """The effects that may explain what the errors of sensors explain too."""
+        exact = self.with_exact_sensors
+        if exact is None:
+            return ()
+        return tuple(dict.fromkeys([*exact.effects, *(name for names in exact.classes for name in names)]))
+
+    @property
     def budgets(self) -> tuple[UncertaintyBudget, ...]:
         """What makes the fitted numbers uncertain, with the effects that are named."""
         return uncertainty_budgets(self.best.fit if self.effects else self.before.fit)

@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 Aim = Literal["discrimination", "detection", "precision"]
 #: name of the model without any of the effects in question
 NONE = "none"
+#: the explanation without an effect where sensors may be wrong as stated
+_SENSORS = "an error of the sensors"
 
 
 @dataclass(frozen=True)
@@ -311,13 +313,19 @@ class DesignResult:
     def explanations(self) -> dict[str, tuple[str, float]]:
         """The name and the weight of the explanation that each rival stands for.
 
-        The members of one set of effects are rivals of their own, but one explanation: ``a with b``.
+        The members of one set of effects are rivals of their own, but one explanation: ``a with b``. Without
+        an effect it is the sensors, where their stated errors are enough.
         """
+        sensors = self.diagnosis is not None and self.diagnosis.instead_of_sensors
+        without = _SENSORS if sensors else NONE
         sets: dict[tuple[str, ...], list[DesignRival]] = {}
         for one in self.rivals:
             sets.setdefault(one.effects or (one.name,), []).append(one)
         return {
-            one.name: (" with ".join(each.name for each in same), math.fsum(each.weight for each in same))
+            one.name: (
+                " with ".join(without if each.name == NONE else each.name for each in same),
+                math.fsum(each.weight for each in same),
+            )
             for same in sets.values()
             for one in same
         }

@@ -144,6 +144,10 @@ def question_of(
 
 def _left_open(diagnosis: Diagnosis) -> Question:
     """The question that follows from the verdict."""
+    if diagnosis.instead_of_sensors:
+        # with the errors of sensors free in every rival: what distinguishes them is what no error within the
+        # stated calibrations imitates
+        return _between(diagnosis, "discrimination", set(diagnosis.instead_of_sensors))
     classes = [names for names in diagnosis.classes if len(names) > 1]
     if classes:
         return _between(diagnosis, "discrimination", {name for names in classes for name in names})
@@ -221,7 +225,10 @@ def _leads(diagnosis: Diagnosis) -> bool:
 
 
 def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question:
-    """Each of `names` in its best set, and the model without: all pairs that are not yet distinguished."""
+    """Each of `names` in its best set, and the model without: all pairs that are not yet distinguished.
+
+    The model without is never the one that is to be found right: every effect becomes it at size zero.
+    """
     candidates = [_rival_of(diagnosis, name, _trial_of(diagnosis, name)) for name in sorted(names)]
     candidates.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
     rivals = _weighed(candidates)
@@ -232,7 +239,10 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
         (i, j)
         for i, one in enumerate(rivals)
         for j, other in enumerate(rivals)
-        if i != j and {one.name, other.name} <= open_names and one.trial is not other.trial
+        if i != j
+        and one.name != NONE
+        and {one.name, other.name} <= open_names
+        and one.trial is not other.trial
     ]
     if not pairs:  # all names are members of the best set: what remains open is its prediction
         return _size_of_best(diagnosis)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigctl.design.result import DesignResult, PredictedPower, SensorSet
+from rigctl.design.result import NONE, DesignResult, PredictedPower, SensorSet
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
 
@@ -35,7 +35,9 @@ def statement(design: DesignResult) -> str:
     called = design.explanations
     names = _listed(list(dict.fromkeys(called[name][0] for pair in design.separates for name in pair)))
     if not design.records:
-        return f"no record that this bench can make distinguishes {names}{_sensor(design)}"
+        return (
+            f"no record that this bench can make distinguishes {names}{_sensor(design)}{_calibration(design)}"
+        )
     together = [pair for pair in design.separates if _least(design, pair) < HALF]
     chance = f"with a probability of {share(design.after)}, now {share(design.before)}"
     if design.separable:
@@ -43,7 +45,7 @@ def statement(design: DesignResult) -> str:
         return f"{_amount(design)} {tells} {names} apart {chance}"
     what = f"the right one of {names} would be identified {chance}, by {_amount(design)}"
     remainder = f"; {_not_distinguished(design, together)}" if together else ""
-    return f"{what}{remainder}{_sensor(design)}"
+    return f"{what}{remainder}{_sensor(design)}{_calibration(design)}"
 
 
 def _sensor(design: DesignResult) -> str:
@@ -57,13 +59,22 @@ def _sensor(design: DesignResult) -> str:
     return f"; {tells} with a probability of {share(one.probability)}"
 
 
+def _calibration(design: DesignResult) -> str:
+    """What a better calibration would decide, where sensors may be wrong as stated."""
+    diagnosis = design.diagnosis
+    if diagnosis is None or not diagnosis.instead_of_sensors or not diagnosis.decided_by:
+        return ""
+    return f"; {diagnosis.decided_by[0]}"
+
+
 def _least(design: DesignResult, pair: tuple[str, str]) -> float:
     """The smaller of the probabilities that the two are distinguished, whichever of them is right."""
     return min(one.after for one in design.outlooks if {one.truth, one.rival} == set(pair))
 
 
 def _not_distinguished(design: DesignResult, together: Sequence[tuple[str, str]]) -> str:
-    pairs = ", ".join(f"{one} and {other}" for one, other in together)
+    called = [[design.explanations[name][0] if name == NONE else name for name in pair] for pair in together]
+    pairs = ", ".join(" and ".join(pair) for pair in called)
     distinguished = len(design.separates) - len(together)
     others = f"; the other {distinguished} pairs would be distinguished" if distinguished > 1 else ""
     return f"not reliably distinguished: {pairs}{others}"

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from rigctl.design.information import Response
 from rigctl.design.rivals import Rival
-from rigctl.engine.simulate import simulate
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.unknowns import LocalUnknown, local_unknowns, start_values
@@ -208,8 +207,7 @@ class Outlines:
     def at_draws(self, values: Floats) -> Trajectories:
         """Outputs of the first record at each draw of the common unknowns (draws, p), all at once."""
         problem = self.problem
-        expected = _expected(problem.local[0])
-        return simulate(problem.compiled, [problem.excitation(0, one, expected) for one in values])
+        return problem.at_draws(0, values, _expected(problem.local[0]))
 
     def predicted(self) -> list[Predicted | None]:
         """The predictions with derivatives, in parts that fit into memory."""

@@ -210,7 +210,7 @@ class Learner:
                 self._open_runs(),
                 last.before.fit.problem.model,
                 budget=self._time_left,
-                precise=self._to_be_sized(last) if last.verdict is Verdict.ADEQUATE else (),
+                precise=self._to_be_sized(last) if _adequate_alone(last) else (),
                 seed=number,
                 hold_out=self.kept.task.hold_out or None,
                 diagnosis=last,
@@ -233,6 +233,8 @@ class Learner:
 
     def _settled(self, judged: Round, last: Diagnosis) -> Learned | None:
         """How learning ended if no further record is worthwhile."""
+        if last.instead_of_sensors:
+            return None  # records may tell an effect from an error of a sensor
         if last.verdict is Verdict.ADEQUATE and not last.doubt:
             vague = bool(self._to_be_sized(last))
             return None if vague else self._ended(LearningEnd.ADEQUATE, last.statement)
@@ -282,9 +284,14 @@ class Learner:
         return Learned(rounds, why, self.kept.task.model, version, self.kept.spent, statement, sensor)
 
 
+def _adequate_alone(last: Diagnosis) -> bool:
+    """Whether the model agrees, and no effect may explain what errors of sensors explain."""
+    return last.verdict is Verdict.ADEQUATE and not last.instead_of_sensors
+
+
 def _without_records(last: Diagnosis) -> LearningEnd:
     """How learning ends if no record that this bench can make is worth taking."""
-    if last.verdict is Verdict.ADEQUATE:
+    if _adequate_alone(last):
         return LearningEnd.ADEQUATE
     return LearningEnd.OUTSIDE_LIBRARY if gate_of(last).open else LearningEnd.NOT_SEPARABLE
 

@@ -83,14 +83,7 @@ class ReadingError:
         """The unknown, with its prior."""
         reach = _FAR * self.std
         return Unknown(
-            self.name,
-            0.0,
-            -reach,
-            reach,
-            scale=self.std,
-            prior=Prior(0.0, self.std),
-            unit=self.unit,
-            linear=True,
+            self.name, 0.0, -reach, reach, scale=self.std, prior=Prior(0.0, self.std), unit=self.unit
         )
 
     def acts_in(self, run: str) -> bool:

@@ -252,16 +252,9 @@ def _lead_on(
     elif diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:
         command = page_of("compare", runs, model, choice)
         show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")
-    elif diagnosis.before.adequacy.only_misread:
-        sensors = diagnosis.before.sensors
-        channel = sensors.beyond[0].channel if sensors is not None else ""
-        rig = diagnosis.before.fit.problem.measurements.rig
-        named = ["--rig", rig.path.as_posix()] if rig is not None and rig.path else []
-        words = ["calibrate", channel, *named]
-        show_next(command_text(words), "calibrates the sensor again")
-    elif diagnosis.with_exact_sensors is not None:
-        command = page_of("diagnose", runs, model, choice, *limit, *shown)
-        show_next(command, "writes a page; a better calibration would tell the sensor from the model")
+    elif diagnosis.before.explained_by:
+        page = page_of("diagnose", runs, model, choice, *limit, *shown)
+        _tell_sensor_from_effect(diagnosis, analysis("design", runs, model, choice), page)
     elif diagnosis.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
         show_next(command, "writes a page; these data call for nothing more")
@@ -283,6 +276,21 @@ def _lead_on(
         command = analysis("compare", runs, model, choice)
         why = "plots where it fails; 'rigctl effects check FILE' checks your own effect"
         show_next(f"{command} -o page.html", why)
+
+
+def _tell_sensor_from_effect(diagnosis: Diagnosis, design: str, page: str) -> None:
+    """The next command where errors of sensors explain what the model leaves."""
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import command
+
+    sensors, rig = diagnosis.before.sensors, diagnosis.before.fit.problem.measurements.rig
+    if diagnosis.before.adequacy.only_misread and sensors is not None and rig is not None:
+        words = ["calibrate", sensors.beyond[0].channel, *(["--rig", rig.path.as_posix()] if rig.path else [])]
+        show_next(command(words), "calibrates the sensor again")
+    elif diagnosis.instead_of_sensors:
+        show_next(f"{design} -o next.yaml", "designs the records that would tell an effect from a sensor")
+    else:
+        show_next(page, "writes a page; a better calibration would tell the sensor from the model")
 
 
 def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:

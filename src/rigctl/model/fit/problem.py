@@ -15,6 +15,7 @@ from rigctl.effects.record_level import RECORD, RecordLevel, record_level
 from rigctl.engine.compile import CompiledSystem, Progress, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.least_squares import Block, Refused, Unknown
+from rigctl.engine.simulate import simulate
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.system import System
 from rigctl.engine.trajectories import Trajectories
@@ -316,21 +317,30 @@ class Problem:
             recorded = [simulated.columns.index(name) for name in self._recorded(record) if name in plain]
             if recorded:
                 simulated.sensitivities[index][:, :, recorded] = 0.0
-        return self._as_read(simulated, shared, columns)
+        runs = [record.run for record in self.records]
+        return self._as_read(simulated, runs, [shared] * len(runs), columns)
 
-    def _as_read(self, simulated: Trajectories, shared: Floats, columns: Sequence[str]) -> Trajectories:
-        """The trajectories as sensors with these errors of their calibrations read them.
+    def at_draws(self, index: int, draws: Floats, local: Floats) -> Trajectories:
+        """The outputs of one record at each draw of the common unknowns (draws, p), all at once."""
+        simulated = simulate(self.compiled, [self.excitation(index, one, local) for one in draws])
+        return self._as_read(simulated, [self.records[index].run] * len(draws), list(draws))
+
+    def _as_read(
+        self,
+        simulated: Trajectories,
+        runs: Sequence[str],
+        shared: Sequence[Floats],
+        columns: Sequence[str] = (),
+    ) -> Trajectories:
+        """Each trajectory as sensors with these errors of their calibrations read it; `shared` of each.
 
         They act on outputs alone, so that neither they nor their derivatives need be integrated.
         """
         if not self._reading_errors:
             return simulated
-        at = {unknown.name: float(value) for unknown, value in zip(self.shared, shared, strict=True)}
-        values = {
-            one.name: at.get(one.name, float(self.base[self._index[one.name]]))
-            for one in self._reading_errors
-        }
-        runs = [record.run for record in self.records]
+        fixed = {one.name: float(self.base[self._index[one.name]]) for one in self._reading_errors}
+        names = [unknown.name for unknown in self.shared]
+        values = [fixed | dict(zip(names, one.tolist(), strict=True)) for one in shared]
         return as_read(simulated, runs, self._reading_errors, values, columns)
 
     @cached_property
@@ -540,7 +550,11 @@ def make_problem(
             *habit_unknowns(measurements),
             *settings,
             *unrecorded_unknowns(measurements),
-            *(one.unknown for one in measurements.reading_errors),
+            # those of inputs are in the equations, and the readings not linear in them
+            *(
+                replace(one.unknown, linear=one.channel in measurements.outputs)
+                for one in measurements.reading_errors
+            ),
         ),
         local=tuple(
             local_unknowns(level, record, measurements, start)

@@ -19,7 +19,7 @@ def as_read(
     simulated: Trajectories,
     runs: Sequence[str],
     errors: Sequence[ReadingError],
-    values: Mapping[str, float],
+    values: Sequence[Mapping[str, float]],
     columns: Sequence[str],
 ) -> Trajectories:
     """The outputs ``r = y + Σ_k c_k·b_k(y)``, and their derivatives.
@@ -30,18 +30,19 @@ def as_read(
     Parameters
     ----------
     runs: of each record.
-    errors: of the outputs' calibrations; `values` the c_k by name.
+    errors: of the outputs' calibrations.
+    values: of each record, the c_k by name.
     columns: requested derivatives; those among `errors` are added, after the simulated ones.
     """
     added = [one for one in errors if one.name in columns]
     true, read = simulated.outputs, []
-    for run, outputs in zip(runs, true, strict=True):
+    for run, sizes, outputs in zip(runs, values, true, strict=True):
         array = outputs
         for one in errors:
-            if values[one.name] and one.acts_in(run):
+            if sizes[one.name] and one.acts_in(run):
                 array = array.copy() if array is outputs else array
                 k = simulated.output_names.index(one.channel)
-                array[:, k] += values[one.name] * one.basis(outputs[:, k])
+                array[:, k] += sizes[one.name] * one.basis(outputs[:, k])
         read.append(array)
     derivatives = _ReadDerivatives(simulated, runs, errors, values, added)
     return replace(
@@ -60,7 +61,7 @@ class _ReadDerivatives(OfEachRecord):
         simulated: Trajectories,
         runs: Sequence[str],
         errors: Sequence[ReadingError],
-        values: Mapping[str, float],
+        values: Sequence[Mapping[str, float]],
         added: Sequence[ReadingError],
     ) -> None:
         self._simulated, self._runs, self._errors = simulated, runs, errors
@@ -77,14 +78,14 @@ class _ReadDerivatives(OfEachRecord):
         return self._known[record]
 
     def _read(self, index: int) -> Floats:
-        true, run = self._simulated.outputs[index], self._runs[index]
+        true, run, sizes = self._simulated.outputs[index], self._runs[index], self._values[index]
         slopes = self._simulated.sensitivities[index]
         names = self._simulated.output_names
         factors = np.ones(true.shape)
         for one in self._errors:
-            if self._values[one.name] and one.acts_in(run):
+            if sizes[one.name] and one.acts_in(run):
                 k = names.index(one.channel)
-                factors[:, k] += self._values[one.name] * one.slope(true[:, k])
+                factors[:, k] += sizes[one.name] * one.slope(true[:, k])
         result = np.zeros((*true.shape, slopes.shape[2] + len(self._added)))
         np.multiply(slopes, factors[:, :, None], out=result[:, :, : slopes.shape[2]])
         for column, one in enumerate(self._added, slopes.shape[2]):

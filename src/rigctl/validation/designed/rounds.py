@@ -23,7 +23,6 @@ from rigctl.design.rivals import Rival, at_usual_size
 from rigctl.design.scheme import Scheme, schemes_of, stage_of
 from rigctl.design.search import Proposal, Workshop
 from rigctl.design.virtual_records import Outlines, known_to, scatters
-from rigctl.engine.simulate import simulate
 from rigctl.errors import RigctlError
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.rig import Rig
@@ -165,7 +164,7 @@ class Proposer:
                 for one in problem.local[0]
             ]
         )
-        courses = simulate(problem.compiled, [problem.excitation(0, values, unknowns)])
+        courses = problem.simulate(values, [unknowns])
         if not courses.ok:
             raise RigctlError(f"the bench cannot be simulated: {courses.summary()}")
         outputs = outlines.measured(courses.outputs[0])
