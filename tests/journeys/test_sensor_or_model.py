@@ -45,7 +45,7 @@ def heated(levels: tuple[float, ...], radiation: float = 0.0) -> Floats:
 def diagnosed(
     folder: Path, kind: str, size: float, *, stated: str | None = "", **physics: float
 ) -> dict[str, Any]:
-    """The diagnosis of a board whose first thermometer has this error; both are `stated` to 1 K, or not at all."""
+    """The diagnosis of a board whose first thermometer has this error, both `stated` to 1 K or not at all."""
     create_project(folder)
     levels = (0.8, 0.2, 0.5, 0.0, 1.0, 0.3)
     true, random = heated(levels, **physics), np.random.default_rng(3)
@@ -94,6 +94,12 @@ def test_an_error_within_the_stated_calibration_is_no_missing_effect(
         assert sum(shares.values()) == pytest.approx(1.0)
     # no number of readings makes a loss or a heater's power more certain than the thermometer
     assert any(next(iter(shares)) == "calibration of temperature_1" for shares in budgets.values())
+
+
+def test_an_error_beyond_a_plain_uncertainty_is_not_taken_for_an_effect(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, "zero", 1.5)
+    assert found["effects"] == []
+    assert found["verdict"] in ("undecided", "outside_library")
 
 
 def test_an_error_beyond_the_stated_calibration_is_the_sensors(tmp_path: Path) -> None:

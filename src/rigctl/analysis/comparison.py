@@ -160,8 +160,10 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
     if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
         compared = _as_exact(compared)
-        if wrong is not None:
+        if wrong is not None and wrong.adequacy.agrees:
             return replace(wrong, exact=compared)
+        if wrong is not None:
+            return replace(compared, misread=replace(wrong, exact=compared))
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {compared.name} as if every sensor were exact")
@@ -180,7 +182,7 @@ def _if_sensors_may_be_wrong(
     None unless that explains what a model with exact sensors leaves. Calibrations of no stated kind count
     only here, with zero, gain and curvature: they are tried before something is said to be missing, at the
     cost of one fit, and not in every search and design. A model that lacks something pulls its sensors beyond
-    what is stated, so that an error beyond it is no answer here.
+    what is stated, so that an error beyond it is an answer only where no effect explains as much.
     """
     name, measurements = compared.name, compared.fit.problem.measurements
     (on_progress or no_progress)(f"Fitting {name} as if sensors were wrong within their calibrations")
@@ -189,7 +191,8 @@ def _if_sensors_may_be_wrong(
         wrong = _tested(_with_reading_errors(compared.fit, errors), name, compared.excluded, on_progress)
     except RigctlError:  # it cannot be simulated with them: nothing to compare with
         return None
-    return wrong if wrong.adequacy.agrees and _by_sensors(compared, wrong) else None
+    tests = wrong.adequacy
+    return wrong if (tests.agrees or tests.only_misread) and _by_sensors(compared, wrong) else None
 
 
 def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:

@@ -113,6 +113,16 @@ def diagnose_comparison(
     if beyond is not None:
         return _undecided_by_bound(before, beyond, runs, held_out, notes)
     search, found = _searched(before, most, on_progress or no_progress)
+    if before.misread is not None and not search.at(found).adequacy.agrees:
+        return diagnose_comparison(
+            before.misread,
+            runs,
+            held_out,
+            notes,
+            most=most,
+            further_laws=further_laws,
+            on_progress=on_progress,
+        )
     judgement = judge_set(search, found)
     best, verdict = judgement.best, judgement.verdict
     # where nothing is named, the answer is that of the comparison, in the scale of its own errors
