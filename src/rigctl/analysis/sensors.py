@@ -233,7 +233,7 @@ def _misreading(
     shape = shapes[:, worst]
     prior = np.array([errors[k].std for k in at])
     std = math.sqrt(max(0.0, float(shape @ covariance[np.ix_(at, at)] @ shape)))
-    stated = 2.0 * float(np.max(np.abs(shape) * prior))
+    stated = errors[at[0]].whole or 2.0 * float(np.linalg.norm(shape * prior))
     error, value = float(curve[worst]), float(readings[worst])
     beyond = abs(error) > max(_BEYOND * stated, stated + std)
     rig = fit.problem.measurements.rig

@@ -178,6 +178,7 @@ class TrialOutcome(Generic[AnyTrial]):
     rival_cosine, separation: the largest and the smallest of the hidden effects, see `similarity.Likeness`.
     beside: λ of each of several hidden effects beside the others; empty if unknown.
     beyond_laws: the same beyond the shape tolerance of the others' laws; empty if unknown.
+    explained_by: what explains the misfit instead of an effect: "calibration".
     intervals: of parameters with known true values.
     exponents: of laws that it corrects, with the exponent fitted to noise-free readings.
     searched: the result of a search for a formula, if one was made.
@@ -201,6 +202,7 @@ class TrialOutcome(Generic[AnyTrial]):
     separation: float | None = None
     beside: tuple[float, ...] = ()
     beyond_laws: tuple[float, ...] = ()
+    explained_by: str = ""
     intervals: tuple[Interval, ...] = ()
     exponents: tuple[Interval, ...] = ()
     searched: Searched | None = None

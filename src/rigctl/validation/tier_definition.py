@@ -12,7 +12,9 @@ from rigctl.validation.outcome import AnyTrial, TrialOutcome
 if TYPE_CHECKING:
     from rigctl.validation.figures import Figures
 
-TierName: TypeAlias = Literal["quick", "full", "anyone", "moving", "real", "shape", "discovery", "design"]
+TierName: TypeAlias = Literal[
+    "quick", "full", "anyone", "moving", "coverage", "real", "shape", "discovery", "design"
+]
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class TierDefinition(Generic[AnyTrial]):
     ) = None
 
 
-def tier_definition(name: TierName) -> TierDefinition[Any]:
+def tier_definition(name: TierName) -> TierDefinition[Any]:  # noqa: PLR0911 - one for each tier
     """The tier of a name; only what it needs is imported."""
     if name == "anyone":
         from rigctl.validation.anyone.rates import bench_figures
@@ -54,6 +56,12 @@ def tier_definition(name: TierName) -> TierDefinition[Any]:
         from rigctl.validation.moving.work import carry_out_moving
 
         return TierDefinition(moving_trials(), carry_out_moving, MovingTrial.read, moving_figures)
+    if name == "coverage":
+        from rigctl.validation.coverage.rates import coverage_figures
+        from rigctl.validation.coverage.trial import CoverageTrial, coverage_trials
+        from rigctl.validation.coverage.work import carry_out_coverage
+
+        return TierDefinition(coverage_trials(), carry_out_coverage, CoverageTrial.read, coverage_figures)
     if name == "real":
         from rigctl.validation.real.rates import real_figures
         from rigctl.validation.real.trial import RealTrial, real_trials

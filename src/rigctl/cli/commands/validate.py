@@ -34,6 +34,7 @@ class TierName(StrEnum):
     FULL = "full"
     ANYONE = "anyone"
     MOVING = "moving"
+    COVERAGE = "coverage"
     REAL = "real"
     SHAPE = "shape"
     DISCOVERY = "discovery"
@@ -45,7 +46,8 @@ def validate(
         TierName,
         typer.Option(
             help="quick takes minutes, full hours; anyone: ten small benches; moving: the same benches, "
-            "never at rest, with noise of every colour; real: published logs of real benches; shape: laws "
+            "never at rest, with noise of every colour; coverage: their sensors and guesses are as wrong as "
+            "stated; real: published logs of real benches; shape: laws "
             "other than the library's; discovery: terms that are in no library, and formulas for them; "
             "design: predicted power of designed records, and their results."
         ),
@@ -78,7 +80,9 @@ def validate(
     shapes other than the library's. The tier anyone has ten small benches instead, each with family, rig and
     model as a user writes them, tested from a CSV file to the verdict; the tier moving has twins of them that
     never rest, with white, correlated, 1/f and drifting noise that the rig file states, does not state or
-    states wrongly, and logs with which no verdict can be right; the tier real has seven published logs of
+    states wrongly, and logs with which no verdict can be right; the tier coverage has these twins with
+    sensors and guesses that are wrong by as much as is stated of them, and counts the intervals that hold
+    the true values; the tier real has seven published logs of
     real benches, whole and cut, in the folder that RIGCTL_REAL_DATA names; the tier shape has effects of up
     to 1000 sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier
     discovery plants terms that are in no library, and searches for their formulas; the tier design runs

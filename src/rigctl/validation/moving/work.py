@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,18 +17,15 @@ from rigctl.engine.result_cache import switched_off
 from rigctl.errors import RigctlError
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
-from rigctl.units import parse_unit
 from rigctl.validation.amplitude import CLOSE
+from rigctl.validation.moving.intervals import intervals_of
 from rigctl.validation.moving.spoiled import write_spoiled
 from rigctl.validation.moving.trial import LEAST_LEFT, MovingTrial
 from rigctl.validation.moving_benches.campaign import write_moving
 from rigctl.validation.moving_benches.left_over import amplitude_leaving
-from rigctl.validation.outcome import Interval, TrialOutcome, Verdict
+from rigctl.validation.outcome import AnyTrial, TrialOutcome, Verdict
 
 MovingOutcome: TypeAlias = TrialOutcome[MovingTrial]
-
-#: half of a 95 % interval, in standard deviations
-_HALF = 1.959963984540054
 
 
 @one_thread()
@@ -44,13 +39,9 @@ def carry_out_moving(trial: MovingTrial) -> MovingOutcome:
         the tool cannot import or diagnose measurements that are not spoiled.
     """
     began = time.process_time()
-    amplitude, left = amplitude_leaving(trial.campaign, trial.wanted) if trial.hidden else (0.0, 0.0)
-    outcome = TrialOutcome(trial)
-    if trial.hidden:
-        outcome = replace(outcome, amplitudes=(amplitude,), sizes=(left,))
-        # an effect that cannot leave as much as drawn is taken at its largest
-        if not (1.0 - CLOSE) * LEAST_LEFT <= left <= (1.0 + CLOSE) * trial.wanted:
-            return replace(outcome, untested="no amplitude has the size wanted")
+    amplitude, outcome = amplitude_of(trial, TrialOutcome(trial))
+    if outcome.untested:
+        return outcome
     with TemporaryDirectory() as folder:
         try:
             diagnosis = _diagnosis(trial, amplitude, Path(folder))
@@ -64,9 +55,21 @@ def carry_out_moving(trial: MovingTrial) -> MovingOutcome:
         effects=diagnosis.effects,
         classes=diagnosis.classes,
         first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
-        intervals=tuple(_intervals(trial, amplitude, diagnosis)),
+        intervals=() if trial.spoiled else tuple(intervals_of(trial.campaign, amplitude, diagnosis)),
         seconds=time.process_time() - began,
     )
+
+
+def amplitude_of(trial: MovingTrial, outcome: TrialOutcome[AnyTrial]) -> tuple[float, TrialOutcome[AnyTrial]]:
+    """The amplitude of the hidden effect, and `outcome` with it; `untested` if none leaves enough."""
+    if not trial.hidden:
+        return 0.0, outcome
+    amplitude, left = amplitude_leaving(trial.campaign, trial.wanted)
+    outcome = replace(outcome, amplitudes=(amplitude,), sizes=(left,))
+    # an effect that cannot leave as much as drawn is taken at its largest
+    if (1.0 - CLOSE) * LEAST_LEFT <= left <= (1.0 + CLOSE) * trial.wanted:
+        return amplitude, outcome
+    return amplitude, replace(outcome, untested="no amplitude has the size wanted")
 
 
 def answer_of(diagnosis: Diagnosis) -> Verdict:
@@ -82,34 +85,3 @@ def _diagnosis(trial: MovingTrial, amplitude: float, folder: Path) -> Diagnosis:
         log = write_moving(campaign, [campaign.table(amplitude)], folder)
     imported = import_file(log, load_rig(folder / "rig.yaml"), folder / "runs")
     return diagnose([open_run(imported.path)], load_model(folder / "model.yaml"))
-
-
-def _intervals(trial: MovingTrial, amplitude: float, diagnosis: Diagnosis) -> Iterator[Interval]:
-    """The 95 % intervals with known true values: of a hidden effect's size, else of the bench's values."""
-    campaign = trial.campaign
-    if trial.spoiled:
-        return
-    if not trial.hidden:
-        fit = diagnosis.before.fit
-        truths = {
-            each.parameter: each.si * float(value)
-            for each, value in zip(campaign.twin.drawn, campaign.drawn, strict=True)
-        }
-        for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
-            std = fit.std.get(unknown.name, 0.0)
-            if unknown.name in truths and std > 0.0 and math.isfinite(std):
-                yield _interval("", unknown.name, truths[unknown.name], float(value), std)
-        return
-    hidden = campaign.hidden
-    if hidden is None or hidden.exact is None or hidden.exact[0] not in diagnosis.effects:
-        return
-    effect, parameter = hidden.exact
-    found = next((one.parameters.get(parameter) for one in diagnosis.ranking if one.effect == effect), None)
-    if found is not None and found.std > 0.0 and math.isfinite(found.std):
-        factor = parse_unit(found.unit).factor
-        truth = hidden.truth(amplitude, campaign.drawn)
-        yield _interval(effect, parameter, truth, factor * found.value, factor * found.std)
-
-
-def _interval(effect: str, parameter: str, truth: float, value: float, std: float) -> Interval:
-    return Interval(effect, parameter, truth, value - _HALF * std, value + _HALF * std)

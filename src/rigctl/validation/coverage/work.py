@@ -1,0 +1,61 @@
+"""One trial of coverage from the generator to the verdict and its intervals."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeAlias
+
+from rigctl.analysis.diagnosis import diagnose
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.dataset import open_run
+from rigctl.dataset.importing.bring_in import import_file
+from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache import switched_off
+from rigctl.model.load import load_model
+from rigctl.rig.load import load_rig
+from rigctl.validation.coverage.trial import CoverageTrial
+from rigctl.validation.moving.intervals import intervals_of
+from rigctl.validation.moving.work import amplitude_of, answer_of
+from rigctl.validation.moving_benches.campaign import write_moving
+from rigctl.validation.outcome import TrialOutcome
+
+CoverageOutcome: TypeAlias = TrialOutcome[CoverageTrial]
+
+
+@one_thread()
+@switched_off()
+def carry_out_coverage(trial: CoverageTrial) -> CoverageOutcome:
+    """Measure the bench with wrong sensors, import the file and diagnose the model with its guess.
+
+    Raises
+    ------
+    RigctlError
+        the tool cannot import or diagnose the measurements.
+    """
+    began = time.process_time()
+    amplitude, outcome = amplitude_of(trial.moving, TrialOutcome(trial))
+    if outcome.untested:
+        return outcome
+    with TemporaryDirectory() as folder:
+        diagnosis = _diagnosis(trial, amplitude, Path(folder))
+    return replace(
+        outcome,
+        verdict=answer_of(diagnosis),
+        effects=diagnosis.effects,
+        classes=diagnosis.classes,
+        first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
+        explained_by=diagnosis.before.explained_by or "",
+        intervals=tuple(intervals_of(trial.moving.campaign, amplitude, diagnosis)),
+        seconds=time.process_time() - began,
+    )
+
+
+def _diagnosis(trial: CoverageTrial, amplitude: float, folder: Path) -> Diagnosis:
+    campaign, misread = trial.moving.campaign, trial.misread
+    log = write_moving(campaign, [misread.read(campaign.table(amplitude))], folder)
+    misread.state(folder)
+    imported = import_file(log, load_rig(folder / "rig.yaml"), folder / "runs")
+    return diagnose([open_run(imported.path)], load_model(folder / "model.yaml"))

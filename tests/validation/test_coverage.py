@@ -1,0 +1,90 @@
+"""The tier of coverage: sensors and guesses wrong by what is stated of them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigctl.model.load import load_model
+from rigctl.rig.load import load_rig
+from rigctl.validation.coverage.misread import KINDS
+from rigctl.validation.coverage.rates import coverage_rates
+from rigctl.validation.coverage.trial import CoverageTrial, coverage_trials
+from rigctl.validation.coverage.work import carry_out_coverage
+from rigctl.validation.moving_benches.campaign import write_moving
+from rigctl.validation.outcome import Interval, TrialOutcome
+
+TRIAL = CoverageTrial("motor", "prbs", kind="line", assumed=True, seed=50_048)
+
+
+def test_the_tier_has_a_thousand_trials_and_its_beginning_is_a_sample() -> None:
+    trials = coverage_trials()
+    assert len(trials) >= 1000
+    assert len({trial.name for trial in trials}) == len(trials)
+    assert 2 * sum(bool(trial.hidden) for trial in trials) == len(trials)
+    for field, values in (("kind", 3), ("parts", 2), ("assumed", 2), ("motion", 4), ("bench", 10)):
+        assert len({getattr(trial, field) for trial in trials[:150]}) == values
+    assert all(CoverageTrial.read(json.loads(json.dumps(t.document()))) == t for t in trials[:50])
+
+
+@pytest.mark.parametrize("parts", [True, False])
+def test_sensors_are_as_wrong_as_the_rig_file_says(parts: bool) -> None:
+    """Over many seeds the errors have half of the stated 95 % as standard deviation."""
+    shares = []
+    for seed in range(60):
+        misread = replace(TRIAL, parts=parts, kind="point" if parts else "data_sheet", seed=seed).misread
+        table = misread.campaign.table(0.0)
+        read = misread.read(table)
+        assert np.array_equal(read["voltage"], table["voltage"])
+        for name, stated in misread.stated.items():
+            shares.append((read[name] - table[name])[0] / stated)
+    assert 0.4 < np.std(shares) < 0.6
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("parts", [True, False])
+def test_the_files_state_it(tmp_path: Path, kind: str, parts: bool) -> None:
+    misread = replace(TRIAL, parts=parts, kind=kind).misread  # type: ignore[arg-type]
+    write_moving(misread.campaign, [misread.campaign.table(0.0)], tmp_path)
+    misread.state(tmp_path)
+    rig = load_rig(tmp_path / "rig.yaml")
+    truth = misread.campaign.readings(0.0)
+    for name, stated in misread.stated.items():
+        half = 0.5 * float(np.ptp(truth[name]))
+        known = rig.channels[name].reading_uncertainty(0.0, half)
+        count = 1 + KINDS.index(kind)  # type: ignore[arg-type]
+        assert sum(size > 0.0 for size in known.values()) == count
+        assert known["zero"] == pytest.approx(stated)
+    model = load_model(tmp_path / "model.yaml")
+    assert misread.guess in {each.parameter for each in misread.campaign.twin.drawn}
+    assert misread.guess not in model.fitted
+
+
+def test_a_trial_is_answered_from_its_files() -> None:
+    outcome = carry_out_coverage(TRIAL)
+    assert outcome.verdict == "adequate"
+    assert TrialOutcome.read(json.loads(json.dumps(outcome.document())), CoverageTrial.read) == outcome
+    assert {one.parameter for one in outcome.intervals} >= {"resistance", "inertia"}
+
+
+def test_the_rates_count_intervals_alarms_and_what_sensors_explain() -> None:
+    inside, outside = Interval("", "inertia", 1.0, 0.9, 1.1), Interval("", "inertia", 1.0, 1.1, 1.2)
+    hidden = replace(TRIAL, hidden="dry friction")
+    outcomes = [
+        TrialOutcome(TRIAL, verdict="adequate", intervals=(inside, inside, outside)),
+        TrialOutcome(TRIAL, verdict="outside_library", explained_by="calibration"),
+        TrialOutcome(hidden, verdict="ambiguous", effects=("coulomb_on_torque",)),
+        TrialOutcome(hidden, verdict="adequate", explained_by="calibration"),
+        TrialOutcome(hidden, verdict="adequate"),
+    ]
+    rates = {(rate.name, rate.of): (rate.count, rate.trials) for rate in coverage_rates(outcomes)}
+    values = "values of the bench, nothing hidden, parts stated"
+    assert rates["95 % interval covers the truth", values] == (2, 3)
+    assert rates["an effect is said to be missing", "nothing hidden"] == (1, 2)
+    assert rates["right, or its class", "hidden"] == (1, 3)
+    assert rates["explained by the stated calibrations", "hidden"] == (1, 3)
+    assert rates["adequate without a word of sensors", "hidden"] == (1, 3)
