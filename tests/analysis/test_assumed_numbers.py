@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from commands import answer, refusal, told
+from rigctl.analysis.bootstrap import bootstrap
 from rigctl.analysis.comparison import compare
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing.bring_in import import_file
@@ -18,6 +19,7 @@ from rigctl.model.load import load_model
 from rigctl.model.model import Model
 from rigctl.physics.user import parse_family
 from rigctl.rig.load import load_rig
+from rigctl.tasks import Workers
 
 #: ohm, V/(rad/s), kg*m^2, N*m of the motor itself; its files assume 1 ohm
 RESISTANCE, CONSTANT, INERTIA, FRICTION = 1.7, 0.08, 4e-4, 0.006
@@ -113,6 +115,21 @@ def test_the_range_of_a_number_that_rests_on_a_guess_holds_the_truth(tmp_path: P
     assert document["friction"]["depends_on"] == [
         {"parameter": "resistance", "value": pytest.approx(1.0, rel=0.01), "range": [0.5, 2.0], "unit": "ohm"}
     ]
+
+
+def test_a_bootstrap_repeats_the_guess_too(tmp_path: Path) -> None:
+    """Signs of residuals say nothing about one prior: without draws of it, the guess would be exact."""
+    run, model = spindle(tmp_path, model=", standing: assumed")
+    again = np.loadtxt(tmp_path / "log.csv", delimiter=",", skiprows=1)
+    again[:, 2] += 0.05 * np.random.default_rng(9).standard_normal(len(again))
+    np.savetxt(
+        tmp_path / "log-2.csv", again, "%.7g", ",", header="time [s],voltage [V],speed [rad/s]", comments=""
+    )
+    second = import_file(tmp_path / "log-2.csv", load_rig(tmp_path / "rigs/spindle.yaml"), tmp_path / "runs")
+    (found,) = compare([run, open_run(second.path)], [model]).models
+    scatter = {one.name: one for one in bootstrap(found.fit, 24, workers=Workers(1)).parameters}
+    assert 0.5 < scatter["friction"].std / scatter["friction"].fit_std < 1.6
+    assert scatter["friction"].low < 1.2 * FRICTION < scatter["friction"].high
 
 
 def test_without_a_standing_a_fixed_number_is_exact_as_before(tmp_path: Path) -> None:

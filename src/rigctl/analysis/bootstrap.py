@@ -9,7 +9,9 @@ observed: its outputs, and its residuals with a random sign for each cluster of 
 for G clusters with N readings in all, and p parameters. A cluster is a condition, whose records share what
 the model lacks there, or a single record if there are few conditions. Residuals keep their time series within
 a record: nothing is assumed about their correlation, their distribution, or equal size everywhere. The prior
-of an unknown is treated like a reading and is drawn with its record.
+of an unknown of a record is treated like a reading and is drawn with it. A common unknown, the zero of a
+calibration or a guess, has one prior only, of which a sign would show nothing: its mean is drawn as its
+standard deviation says.
 
 Source: A. C. Cameron, J. B. Gelbach, D. L. Miller, Rev. Econ. Stat. 90 (2008) 414; weights of few clusters:
 M. D. Webb, Queen's Economics Department Working Paper 1315 (2013).
@@ -26,7 +28,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.least_squares import Prior, Unknown
+from rigctl.engine.least_squares import Unknown
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.model.fit.fit import FitResult, fit, without_derived
@@ -189,10 +191,9 @@ def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int
             replace(one, unknown=_drawn(one.unknown, float(value), weight))
             for one, value in zip(local[index], fitted.local[index], strict=True)
         )
-    unknown_weights = _weights(range(len(problem.shared)), chance)
     shared = [
-        _drawn(unknown, float(value), unknown_weights[index], start=float(value))
-        for index, (unknown, value) in enumerate(zip(problem.shared, fitted.values, strict=True))
+        _as_stated(unknown, float(value), chance)
+        for unknown, value in zip(problem.shared, fitted.values, strict=True)
     ]
     drawn = replace(
         problem,
@@ -210,13 +211,22 @@ def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int
     return np.array([estimates.get(one.name, one.start) for one in shared])
 
 
-def _drawn(unknown: Unknown, value: float, weight: float, start: float | None = None) -> Unknown:
+def _drawn(unknown: Unknown, value: float, weight: float) -> Unknown:
     """The unknown with its prior mean moved to the other side of `value` if the weight is negative."""
     prior = unknown.prior
+    return (
+        unknown
+        if prior is None
+        else replace(unknown, prior=replace(prior, mean=value + weight * (prior.mean - value)))
+    )
+
+
+def _as_stated(unknown: Unknown, value: float, chance: np.random.Generator) -> Unknown:
+    """The unknown that starts at `value`, with a prior mean as far from it as its standard deviation says."""
+    prior = unknown.prior
     if prior is not None:
-        prior = Prior(value + weight * (prior.mean - value), prior.std)
-    begin = unknown.start if start is None else min(max(start, unknown.lower), unknown.upper)
-    return replace(unknown, prior=prior, start=begin)
+        prior = replace(prior, mean=value + prior.std * float(chance.standard_normal()))
+    return replace(unknown, prior=prior, start=min(max(value, unknown.lower), unknown.upper))
 
 
 def _weights(clusters: Sequence[int] | range, chance: np.random.Generator) -> Mapping[int, float]:
