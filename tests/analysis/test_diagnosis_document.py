@@ -21,6 +21,7 @@ BEFORE: Any = SimpleNamespace(
     explained_by=None,
     bounds=(),
     undetermined=(),
+    fit=SimpleNamespace(solution=None),
 )
 
 

@@ -100,7 +100,12 @@ class MadeBench:
 
 
 def verdict(
-    of: Verdict, *names: str, doubt: str = "", unconfirmed: tuple[str, ...] = (), width: float = 0.05
+    of: Verdict,
+    *names: str,
+    doubt: str = "",
+    unconfirmed: tuple[str, ...] = (),
+    width: float = 0.05,
+    instead_of_sensors: tuple[str, ...] = (),
 ) -> Any:
     """A diagnosis; of a model with a leak, its conductance known to `width` (95 %)."""
     fit = SimpleNamespace(errors={}, chi2_reduced=1.0, problem=SimpleNamespace(model=LEAKY), width=width)
@@ -113,6 +118,7 @@ def verdict(
         ranking=[SimpleNamespace(effect=name, probability=0.5, delta_bic=-9.0) for name in names],
         statement=of.value,
         doubt=doubt,
+        instead_of_sensors=instead_of_sensors,
         before=SimpleNamespace(fit=fit),
     )
 
@@ -152,6 +158,8 @@ OTHER = verdict(Verdict.AMBIGUOUS, "spring", "load")
 #: it has no rival, but fails cross-validation
 UNCONFIRMED = verdict(Verdict.AMBIGUOUS, "leak", unconfirmed=("leak",))
 CONFIRM = design(names=("leak",), sharpened=SHARPER)
+#: it agrees as long as sensors may be wrong within their calibrations
+SENSORS = verdict(Verdict.ADEQUATE, instead_of_sensors=("leak",))
 VAGUE = verdict(Verdict.ADEQUATE, width=0.4)
 
 
@@ -219,6 +227,12 @@ def test_learning_ends_when_the_model_is_adequate(stand: Any) -> None:
     assert here.bench.measured == [1]
 
 
+def test_an_error_of_a_sensor_that_an_effect_may_explain_too_does_not_end_learning(stand: Any) -> None:
+    here = stand([SENSORS, SURE])
+    assert here.learner.learn().ended is LearningEnd.ADEQUATE
+    assert here.bench.measured == [1, 2]
+
+
 def test_rounds_continue_while_rivals_remain(stand: Any) -> None:
     here = stand([UNSURE, UNSURE, SURE])
     learned = here.learner.learn()
@@ -239,6 +253,7 @@ def test_rounds_continue_while_rivals_remain(stand: Any) -> None:
         ),
         (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [NothingLeft("nothing is left to distinguish")]}),
         (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [design(separable=False)]}),
+        (LearningEnd.NOT_SEPARABLE, [SENSORS], {"designs": [design(separable=False)]}),
         (LearningEnd.DECLINED, [UNSURE], {"answers": [False]}),
         (LearningEnd.OUTSIDE_LIBRARY, [verdict(Verdict.OUTSIDE_LIBRARY)], {}),
         (LearningEnd.OUTSIDE_LIBRARY, [UNSURE, OTHER], {}),
