@@ -285,8 +285,8 @@ def _tell_sensor_from_effect(diagnosis: Diagnosis, design: str, page: str) -> No
 
     sensors, rig = diagnosis.before.sensors, diagnosis.before.fit.problem.measurements.rig
     if diagnosis.before.adequacy.only_misread and sensors is not None and rig is not None:
-        words = ["calibrate", sensors.beyond[0].channel, *(["--rig", rig.path.as_posix()] if rig.path else [])]
-        show_next(command(words), "calibrates the sensor again")
+        of_rig = ["--rig", rig.path.as_posix()] if rig.path else []
+        show_next(command(["calibrate", sensors.beyond[0].channel, *of_rig]), "calibrates the sensor again")
     elif diagnosis.instead_of_sensors:
         show_next(f"{design} -o next.yaml", "designs the records that would tell an effect from a sensor")
     else:
