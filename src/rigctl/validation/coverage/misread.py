@@ -112,7 +112,7 @@ class Misread:
         return ", ".join(parts[: self._count])
 
     def _with_guess(self, text: str) -> str:
-        spread = next(one.spread for one in self.campaign.twin.drawn if one.parameter == self.guess)
+        spread = {one.parameter: one.spread for one in self.campaign.twin.drawn}[self.guess]
 
         def assumed(line: re.Match[str]) -> str:
             value, unit = float(line["value"]), line["unit"]
