@@ -1,9 +1,10 @@
-"""rigctl on Windows' Python, under Wine, on a device behind COM1: ended in every way that Windows has.
+"""rigctl on Windows' Python, under Wine, on a device behind COM1: told to end, or killed.
 
     tools/windows-under-wine endings [NUMBER]
 
 The device is the stand-in of the two-heater board, which has no protection of its own, on a pseudo-terminal
 that is Wine's COM1. Wine is not Windows: drivers, and how long Windows lets a process live, are not shown.
+A log-off and a shutdown are not among them: Windows tells no program of a user about them.
 """
 
 from __future__ import annotations
@@ -29,8 +30,6 @@ ENDINGS: dict[str, int | None] = {
     "Ctrl-C": 130,
     "Ctrl-Break": 143,
     "console closed": 143,
-    "logged off": 143,
-    "shut down": 143,
     "terminated": None,
     "job ended": None,
 }

@@ -29,8 +29,8 @@ kernel.AssignProcessToJobObject.argtypes = (wintypes.HANDLE, wintypes.HANDLE)
 kernel.CloseHandle.argtypes = (wintypes.HANDLE,)
 
 ALL_ACCESS = 0x1FFFFF
-EVENTS = {"Ctrl-C": 0, "Ctrl-Break": 1, "console closed": 2, "logged off": 5, "shut down": 6}
-PATIENCE = {"console closed": 5.0, "logged off": 5.0, "shut down": 20.0}  #: s that Windows leaves a process
+EVENTS = {"Ctrl-C": 0, "Ctrl-Break": 1, "console closed": 2}
+PATIENCE = {"console closed": 5.0}  #: s that Windows leaves a process
 BREAKAWAY_OK, KILL_ON_CLOSE = 0x800, 0x2000
 
 
@@ -51,9 +51,10 @@ def job() -> int:
 
 
 def tell(pid: int, event: int) -> None:
-    """Do what Windows does when a console ends or a key is pressed: start a thread that calls the handlers.
+    """Start a thread in a process that calls its handlers.
 
-    Wine has no other way for anything but Ctrl-C.
+    Windows' own way is another: its console host asks the system to do so, which also ends the process. Wine
+    has no way but this one for anything but Ctrl-C.
     """
     process = kernel.OpenProcess(ALL_ACCESS, False, pid)
     routine = kernel.GetProcAddress(kernel.GetModuleHandleW("kernelbase.dll"), b"CtrlRoutine")

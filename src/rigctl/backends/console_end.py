@@ -1,34 +1,54 @@
-"""The end of a console on Windows: its window is closed, its user logs off, or the computer is shut down.
+"""A console window that is closed on Windows, on which Windows ends the programs in it.
 
-Windows tells a process of it in a thread that it starts for this. It ends the process when that one returns,
-or after some seconds (5 for a closed window). So the thread does not return: it is the time that the main
-thread has to make outputs safe and to end the process by itself.
+Windows starts a thread in each of them that calls its handlers, the newest first. It ends the process when
+one has answered, or after some 5 s. So ours does not return: that is the time that the main thread has to
+make outputs safe and to end the process by itself.
+
+The end of a session gives no such time: Windows ends a program of a user who logs off, or when it shuts down,
+without a call. Only services are called for it.
 """
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+_CLOSED, _LOGGED_OFF = 2, 5  # CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT
+_LONGEST = 60.0  # s; Windows itself waits less
+
+
+def handled(event: int, closed: Callable[[], None], wait: Callable[[float], None] = time.sleep) -> bool:
+    """Answer a console event as a handler does; return False to leave it to the handler before this one.
+
+    That is the C library's, which makes the signal SIGINT of Ctrl-C, and SIGBREAK of everything else.
+
+    Parameters
+    ----------
+    event: the number by which Windows names it.
+    closed: called when the window was closed, before the wait that keeps the process.
+    wait: pauses this thread, for s.
+    """
+    if event == _CLOSED:
+        closed()
+        wait(_LONGEST)
+    return event in (_CLOSED, _LOGGED_OFF)  # a service is told of any user who logs off: no reason to end
+
+
 if sys.platform == "win32":
     import ctypes
-    import time
-
-    _ENDS = (2, 5, 6)  # CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT, CTRL_SHUTDOWN_EVENT
-    _LONGEST = 60.0  # s; Windows itself waits less
 
     _called: list[object] = []  # handlers that do not return, which stay registered
 
     @contextmanager
-    def _handler(ends: Callable[[], None]) -> Iterator[None]:
-        def handle(event: int) -> bool:
-            if event not in _ENDS:  # Ctrl-C and Ctrl-Break, which the C library makes signals of
-                return False
+    def _handler(closed: Callable[[], None]) -> Iterator[None]:
+        def stays() -> None:
             _called.append(handler)
-            ends()
-            time.sleep(_LONGEST)
-            return True
+            closed()
+
+        def handle(event: int) -> bool:
+            return handled(event, stays)
 
         handler = ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)(handle)  # lives as long as it is registered
         set_handler = ctypes.WinDLL("kernel32").SetConsoleCtrlHandler
@@ -41,10 +61,10 @@ if sys.platform == "win32":
 
 
 @contextmanager
-def console_end(ends: Callable[[], None]) -> Iterator[None]:
-    """Call `ends`, from another thread, when the console ends; other systems send a signal for it."""
+def console_end(closed: Callable[[], None]) -> Iterator[None]:
+    """Call `closed`, from another thread, when the console window is closed; elsewhere a signal says so."""
     if sys.platform == "win32":
-        with _handler(ends):
+        with _handler(closed):
             yield
     else:
         yield

@@ -45,7 +45,7 @@ class Signals:
                     number = getattr(signal, name, None)
                     if number is not None and not _ignored_on_purpose(name, number):
                         self._before[number] = signal.signal(number, self._handler(name, code))
-            self._console.enter_context(console_end(self._end_of_console))
+            self._console.enter_context(console_end(self._console_closed))
         return self
 
     def __exit__(
@@ -56,8 +56,8 @@ class Signals:
             signal.signal(number, handler)
         self._before.clear()
 
-    def _end_of_console(self) -> None:
-        self._count("end of the console", ExitCode.TERMINATED)
+    def _console_closed(self) -> None:
+        self._count("closed console", ExitCode.TERMINATED)
 
     def _handler(self, name: str, code: ExitCode) -> Callable[[int, FrameType | None], None]:
         def count(_number: int, _frame: FrameType | None) -> None:

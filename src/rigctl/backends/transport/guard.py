@@ -21,7 +21,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from rigctl.backends.console_end import console_end
 from rigctl.backends.transport.adapter import same_adapter
 from rigctl.backends.transport.address import SERIAL, Address
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
@@ -245,8 +244,7 @@ def main() -> int:
         signal.signal(signal.SIGTERM, lambda _number, _frame: guard.end())
         send_frame(connection, Frame.OPENED)
         try:
-            with console_end(guard.end):
-                left = guard.run()
+            left = guard.run()
         except BaseException:
             port.close()
             raise
