@@ -38,7 +38,7 @@ class Column:
     values: (n) SI, NaN where one is missing; empty without a file.
     stated: whether the heading has the unit in brackets, as an import reads it.
     known: whether it has a unit at all, in the file or from the user; otherwise it is drafted as a number.
-    unread: what the heading has for a unit, and is none.
+    headed: what the heading has for a unit; `unread` if that is none.
     role, reason: its role for the bench, and the reason for that.
     stepped: whether it holds between samples: constant except for single steps, like a command.
     origin: of an input, whether it is commanded or measured.
@@ -51,6 +51,7 @@ class Column:
     stated: bool = True
     known: bool = True
     unread: str = ""
+    headed: str = ""
     role: Role = "output"
     reason: str = ""
     stepped: bool = False
@@ -67,6 +68,11 @@ class Column:
         return (self.values - self.display.offset) / self.display.factor
 
     @property
+    def key(self) -> str:
+        """The heading for which an import is told the unit."""
+        return _key(self.theirs, self.headed)
+
+    @property
     def interval(self) -> str:
         """The unit of a difference of its values."""
         return interval_unit(self.unit)
@@ -80,8 +86,9 @@ class Table:
     ----------
     times: (n) seconds; None for a table without time.
     record: (n) which record each row belongs to.
-    renamed: the option for an import, ``theirs=ours [unit]``.
-    options: how the file was read, for its import.
+    renamed: the option for an import, ``theirs=ours [unit]``, with a unit only where the heading has none.
+    options: what the user said of how to read the file.
+    policy: what an import must do with times that do not increase; None if they all do, or the user said it.
     """
 
     path: Path | None
@@ -90,6 +97,7 @@ class Table:
     record: NDArray[np.int64]
     renamed: tuple[str, ...] = ()
     options: Options = field(default_factory=Options)
+    policy: TimePolicy | None = None
 
     def column(self, name: str) -> Column:
         """The column with this name, on the bench or in the file.
@@ -157,10 +165,9 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
         unit = "s" if read[time].seconds else given or as_named.unit_of(time) or read[time].unit or "s"
         times = clock.values * (interval(replace(read[time], unit=unit)) or parse_unit(unit)).factor
         codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
-        if time.casefold() != "time" or not heading.stated:
-            renamed.append(f"{time}=time" if read[time].seconds else f"{time}=time [{unit}]")
-    if record is not None and record.casefold() != "record":
-        renamed.append(f"{record}=record")
+        said = not (read[time].seconds or heading.stated) and (given or as_named.unit_of(time))
+        renamed += _time_pair(_key(time, heading.headed) if said else time, unit if said else None)
+    renamed += [f"{record}=record"] if record is not None and record.casefold() != "record" else []
     renamed += [f"{name}=-" for name in table.texts]
     columns = list[Column]()
     for one in table.columns:
@@ -170,15 +177,23 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
         if times is not None and counts_rows(one.name, one.values):
             column = replace(column, role="left out", reason="it counts the rows")
         columns.append(column)
-        if folded(column.theirs) != column.name or not column.stated:
-            renamed.append(f"{column.theirs}={column.name} [{column.unit}]")
+        if not column.stated:
+            renamed.append(f"{column.key}={column.name} [{column.unit}]")
+        elif folded(column.theirs) != column.name:
+            renamed.append(f"{column.theirs}={column.name}")
     if not columns:
         raise RigctlError(
             "there is nothing measured in this file", value=path.as_posix(), expected="columns of numbers"
         )
-    if times is not None and plain_options.times == "refuse":
-        plain_options = replace(plain_options, times=_policy(columns, times, codes))
-    return Table(path, tuple(columns), times, codes, tuple(renamed), plain_options)
+    policy = None if times is None or plain_options.times else _policy(columns, times, codes)
+    return Table(path, tuple(columns), times, codes, tuple(renamed), plain_options, policy)
+
+
+def _time_pair(theirs: str, unit: str | None) -> list[str]:
+    """The option that makes a column the time; without a unit if the heading states it, or nobody does."""
+    if unit is None:
+        return [] if theirs.casefold() == "time" else [f"{theirs}=time"]
+    return [f"{theirs}=time [{unit}]"]
 
 
 def _refuse_repeated(source: Source, numeric: Sequence[str]) -> None:
@@ -195,14 +210,18 @@ def _refuse_repeated(source: Source, numeric: Sequence[str]) -> None:
         seen.add(heading.name)
 
 
-def _policy(columns: Sequence[Column], times: Floats, codes: NDArray[np.int64]) -> TimePolicy:
+def _policy(columns: Sequence[Column], times: Floats, codes: NDArray[np.int64]) -> TimePolicy | None:
     """How an import must treat these times: copies of a row are dropped, a step back begins a record."""
     again = np.flatnonzero((np.diff(times) == 0.0) & (np.diff(codes) == 0)) + 1
     if again.size:
         same = (np.array_equal(c.values[again], c.values[again - 1], equal_nan=True) for c in columns)
-        return "drop" if all(same) else "refuse"
+        return "drop" if all(same) else None
     back = np.diff(times) < 0.0
-    return "split" if (back & (np.diff(codes) == 1)).any() else "refuse"
+    return "split" if (back & (np.diff(codes) == 1)).any() else None
+
+
+def _key(name: str, headed: str) -> str:
+    return f"{name} [{headed}]" if headed and not set(headed) & set("[]=") else name
 
 
 @dataclass(frozen=True)
@@ -213,12 +232,14 @@ class _Heading:
     plain: str  # without a unit in it
     given: bool = False  # the unit is the user's
     unread: str = ""  # what stands in the unit's place, and is no unit
+    headed: str = ""  # what stands there, unit or not
 
 
 def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
     from rigctl.dataset.importing.headings import counts_turns, split_ending
 
     name, unit = read.name, "s" if read.seconds else read.unit
+    headed = read.unit or ""
     plain, guessed = split_ending(name)
     stated = unit is not None and _is_unit(unit)
     if stated and guessed != unit:  # 'Channel A [V]' is no current
@@ -227,11 +248,11 @@ def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
     if given is not None:
         if not re.match(r"[\d.]+\s*[a-zµ]", given):  # '50 ms', from row to row
             parse_unit(given)
-        return _Heading(name, given, False, plain, given=True)
+        return _Heading(name, given, False, plain, given=True, headed=headed)
     unit_text = unit if stated else guessed
     if unit_text is not None and counts_turns(plain, unit_text):
-        return _Heading(name, "rpm", False, plain)
-    return _Heading(name, unit_text, stated, plain, unread="" if stated else unit or "")
+        return _Heading(name, "rpm", False, plain, headed=headed)
+    return _Heading(name, unit_text, stated, plain, unread="" if stated else headed, headed=headed)
 
 
 def _is_given_time(heading: _Heading) -> bool:
@@ -271,7 +292,16 @@ def _column(heading: _Heading, values: Floats, taken: list[str]) -> Column:
     parsed = parse_unit(unit)
     values = values * parsed.factor + parsed.offset
     known = heading.stated or heading.unit is not None
-    return Column(name, heading.name, unit, values, heading.stated, known=known, unread=heading.unread)
+    return Column(
+        name,
+        heading.name,
+        unit,
+        values,
+        heading.stated,
+        known=known,
+        unread=heading.unread,
+        headed=heading.headed,
+    )
 
 
 def _plain_name(text: str) -> str:

@@ -6,6 +6,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -242,7 +243,8 @@ def _tried(proposal: Proposal, root: Path, *, fit: bool) -> FirstFit | None:
     with tempfile.TemporaryDirectory(prefix="rigctl-") as folder:
         rig = load_rig(root / proposal.rig)
         columns = column_pairs(table)
-        done = import_file(table.path, rig, Path(folder), columns=columns, options=table.options)
+        options = replace(table.options, times=table.policy or table.options.times)
+        done = import_file(table.path, rig, Path(folder), columns=columns, options=options)
         return first_fit(proposal, root, done.path, fit=fit)
 
 
@@ -250,7 +252,7 @@ def import_options(table: Table) -> str:
     """The other options of `rigctl import` for the file, each with a space before it."""
     options = table.options
     chosen = {
-        "times": None if options.times == "refuse" else options.times,
+        "times": options.times,
         "dates": options.dates,
         "encoding": options.encoding,
         "delimiter": options.delimiter,
@@ -295,7 +297,8 @@ def _commands(proposal: Proposal) -> list[str]:
     commands = []
     table = proposal.table
     if table.path is not None:
-        commands.append(f"rigctl import {_quoted(table.path.as_posix())} --rig {proposal.rig}")
+        policy = "" if table.policy is None else f" --times {table.policy}"
+        commands.append(f"rigctl import {_quoted(table.path.as_posix())} --rig {proposal.rig}{policy}")
         commands.append(f"rigctl compare latest --model {proposal.model}")
     commands.append(f"rigctl simulate {proposal.procedure}")
     commands.append(f"rigctl effects list --slots --family {proposal.family}")

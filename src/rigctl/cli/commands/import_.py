@@ -151,7 +151,8 @@ def import_(
     Example: rigctl import mon.csv tue.csv --rig rigs/heater-board.yaml --mapping lab.yaml --assume heater_2=0
     """
     from rigctl.dataset.importing import import_files
-    from rigctl.dataset.importing.mapping import load_mapping, require_same_mapping
+    from rigctl.dataset.importing.log_format import with_log_format
+    from rigctl.dataset.importing.mapping import require_same_mapping
     from rigctl.dataset.importing.mapping import save_mapping as save
     from rigctl.files.write import to_json
     from rigctl.project import find_file, find_project
@@ -180,8 +181,8 @@ def import_(
     )
     paths = [find_file(file) for file in files]
     bench = load_rig(find_file(rig)) if rig is not None else None
-    if mapping is None and bench is not None and bench.log_format is not None:
-        options = options.over(load_mapping(find_file(Path(bench.log_format))))
+    if mapping is None:
+        options = with_log_format(options, bench)
     if save_mapping is not None:  # before there is a run, or a picture of it
         require_same_mapping(save_mapping, options)
     if dry_run:

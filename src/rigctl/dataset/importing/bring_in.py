@@ -16,6 +16,7 @@ from rigctl.dataset.importing.campaign import Campaign, open_files
 from rigctl.dataset.importing.columns import assign, read_mapping
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.formats import stem_of
+from rigctl.dataset.importing.log_format import log_format_remark
 from rigctl.dataset.importing.notes import column_notes, impossible_notes, notes
 from rigctl.dataset.importing.observations import Observations, take_observations
 from rigctl.dataset.importing.options import Options
@@ -155,7 +156,8 @@ def _write(
 
 def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options) -> tuple[str, ...]:
     """Return remarks on the data, one sentence each."""
-    remarks = (*taken.source.remarks, *column_notes(taken.source.headings, taken.assigned, options))
+    remarks = (*taken.source.remarks, *log_format_remark(taken.source.headings, options))
+    remarks += tuple(column_notes(taken.source.headings, taken.assigned, options))
     if isinstance(taken, Observations):
         outside = () if rig is None else tuple(impossible_notes(taken.found, rig))
         return (*remarks, *taken.remarks, *outside)

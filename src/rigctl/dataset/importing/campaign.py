@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rigctl.dataset.importing.formats import open_source, stem_of
+from rigctl.dataset.importing.log_format import require_same_unit
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading, Labels, Part, Source
 from rigctl.dataset.importing.time_column import with_time_column
@@ -120,6 +121,7 @@ def _headings(sources: Sequence[Source], options: Options) -> tuple[Heading, ...
         for heading in source.headings:
             if not heading.name:
                 continue
+            require_same_unit(heading, options)
             first = headings.setdefault(options.ours(heading.name), heading)
             given = options.unit_of(heading.name) or heading.unit
             wanted = options.unit_of(first.name) or first.unit

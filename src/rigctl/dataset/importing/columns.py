@@ -16,6 +16,7 @@ from rigctl.dataset.importing.headings import (
     split_heading,
     time_unit,
 )
+from rigctl.dataset.importing.log_format import require_same_unit
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.dataset.importing.time_column import is_other_time
@@ -249,6 +250,7 @@ def _rename(heading: Heading, rig: Rig | None, options: Options) -> Heading:
         return heading
     given = None if heading.seconds else options.unit_of(heading.name)
     if heading.name in options.columns:
+        require_same_unit(heading, options)
         return replace(heading, name=options.ours(heading.name), unit=given or heading.unit)
     name, unit = _known_name(heading, rig)
     only_labels = options.split == f"column:{heading.name}"  # a record number and nothing else

@@ -93,7 +93,7 @@ def open_long(source: Source, options: Options) -> LongFile:
     rising = []
     for name, code in names.items():
         rows_of_channel = np.flatnonzero((which == code) & ~np.isnan(all_values) & ~np.isnan(every))
-        order = order_of(every[rows_of_channel], options.times)
+        order = order_of(every[rows_of_channel], options.time_policy)
         every[rows_of_channel] = order.times
         rising.append(rows_of_channel[order.rising])
         back, again = (
@@ -102,7 +102,7 @@ def open_long(source: Source, options: Options) -> LongFile:
         )
         if again:
             remarks.append(repeated(name, len(again), line=int(where[again[0]])))
-        if back and options.times == "drop":
+        if back and options.time_policy == "drop":
             remarks.append(f"{name}: {len(back)} values whose time goes back were dropped")
         elif back:
             faults += [Fault(int(where[row]), GOES_BACK, name) for row in back[:KEPT_FAULTS]]

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rigctl.dataset.importing.columns import read_mapping
 from rigctl.dataset.importing.dialect import checked_delimiter
+from rigctl.dataset.importing.headings import split_heading
 from rigctl.dataset.importing.options import DateOrder, Options, TimePolicy
 from rigctl.errors import Location, RigctlError
 
@@ -28,7 +29,7 @@ class ImportMapping(BaseModel):
     missing: list[str | float] = Field(default_factory=list, description="further marks of missing values")
     dates: DateOrder | None = Field(default=None, description="which number of a date is the day")
     zone: str | None = Field(default=None, description="time zone of times that name none: Europe/Berlin")
-    times: TimePolicy = Field(default="refuse", description="what becomes of times that do not go on")
+    times: TimePolicy | None = Field(default=None, description="what becomes of times that do not go on")
     split: str | None = Field(default=None, description="what begins a record: command, gap or column:NAME")
     resample: str | None = Field(
         default=None, description="common times of channels with clocks of their own"
@@ -58,10 +59,17 @@ class ImportMapping(BaseModel):
         return Options(
             columns=columns,
             may_lack=frozenset(columns),
+            written_for=dict(_written_for(theirs) for theirs in self.columns),
             missing=tuple(_text(mark) for mark in self.missing),
             assume={name: _text(value) for name, value in self.assume.items()},
             **{name: getattr(self, name) for name in _PLAIN},
         )
+
+
+def _written_for(theirs: str) -> tuple[str, str]:
+    """Return a column's name and the unit beside it: a heading as it was when the mapping was written."""
+    name, unit = split_heading(theirs)
+    return name or theirs, unit or ""
 
 
 def _text(written: str | float) -> str:

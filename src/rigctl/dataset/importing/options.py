@@ -30,14 +30,16 @@ class Options:
         ``none``: no number marks a missing value by itself.
     dates: which number of a date is the day; if omitted, an ambiguous date is refused.
     zone: IANA name of the time zone of times without one, e.g. ``Europe/Berlin``; UTC if omitted.
-    times: treatment of rows whose time does not increase: refuse the file; drop them; spread equal times
-        evenly up to the next one; begin another record at a step back.
+    times: treatment of rows whose time does not increase: refuse the file, as without it; drop them; spread
+        equal times evenly up to the next one; begin another record at a step back.
     split: what begins another record: ``command``, ``command:NAME``, ``gap`` or ``column:NAME``.
     resample: the common times of channels with separate times: a step (``10 ms``) or a column's name.
     assume: constant inputs that the file lacks: ``{"ambient": "21 degC"}``.
     encoding, delimiter, decimal: of a text file; detected if omitted.
     heading: line of the heading in a text file or on a sheet, from 1; 0 if there is none; found if omitted.
     own: names of the bench's channels and actuators, none of which is the time.
+    log_format: the file from which options were taken that the caller has not given; None without one.
+    written_for: of the columns taken from it, the unit in the heading that it was written for, "" for none.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -45,7 +47,7 @@ class Options:
     missing: tuple[str, ...] = ()
     dates: DateOrder | None = None
     zone: str | None = None
-    times: TimePolicy = "refuse"
+    times: TimePolicy | None = None
     split: str | None = None
     resample: str | None = None
     assume: Mapping[str, str] = field(default_factory=dict)
@@ -54,6 +56,8 @@ class Options:
     decimal: str | None = None
     heading: int | None = None
     own: frozenset[str] = frozenset()
+    log_format: str | None = None
+    written_for: Mapping[str, str] = field(default_factory=dict)
 
     def over(self, other: Options) -> Options:
         """Return these options, with those of `other` where they are not set."""
@@ -69,10 +73,18 @@ class Options:
                 **changes,
                 "columns": {**other.columns, **self.columns},
                 "may_lack": other.may_lack - set(self.columns),
+                "written_for": {
+                    name: unit for name, unit in other.written_for.items() if name not in self.columns
+                },
                 "assume": {**other.assume, **self.assume},
                 "missing": tuple(dict.fromkeys((*other.missing, *self.missing))),
             },
         )
+
+    @property
+    def time_policy(self) -> TimePolicy:
+        """The treatment of rows whose time does not increase."""
+        return self.times or "refuse"
 
     @property
     def missing_numbers(self) -> tuple[float, ...]:

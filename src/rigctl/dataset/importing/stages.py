@@ -75,7 +75,7 @@ class Stages:
     def needed(self) -> bool:
         """Whether any stage is required."""
         options = self.options
-        return options.times != "refuse" or options.split is not None or options.resample is not None
+        return options.time_policy != "refuse" or options.split is not None or options.resample is not None
 
     def parts(self, source: Source) -> Iterator[Part]:
         """Yield the rows of a file, ready to be checked."""
@@ -102,10 +102,10 @@ class Stages:
         merged = isinstance(source, GroupedFile) and source.merged
         wholes = _wholes(source, self._read(source, wanted, record), wanted, merged=merged)
         for whole in self._resampled(wholes):
-            if self.options.times == "split":
+            if self.options.time_policy == "split":
                 done = split_at_restarts(whole, time)
             else:
-                done = self._mended(whole, time) if self.options.times != "refuse" else whole
+                done = self._mended(whole, time) if self.options.time_policy != "refuse" else whole
             if split is not None:
                 done = split_rows(done, split, self.assigned, headings)
             yield from _slices(done)
@@ -127,7 +127,7 @@ class Stages:
             if to is None:
                 yield whole
                 continue
-            resampled, remarks = resample(whole, self.assigned, to, self.options.times)
+            resampled, remarks = resample(whole, self.assigned, to, self.options.time_policy)
             self.remarks += [remark for remark in remarks if remark not in self.remarks]
             yield resampled
 
@@ -139,14 +139,14 @@ class Stages:
         good = np.ones(len(times), dtype=bool)
         for start, stop, _ in stretches(part):
             span = slice(start, stop)
-            if self.options.times == "spread":
+            if self.options.time_policy == "spread":
                 times[span] = spread(times[span])
             before = np.fmax.accumulate(np.concatenate([[-np.inf], times[span]]))[:-1]
             good[span] = ~(times[span] <= before)
         moved, dropped = int((times != part.columns[time])[good].sum()), int((~good).sum())
-        if self.options.times == "spread" and moved:
+        if self.options.time_policy == "spread" and moved:
             self.remarks.append(f"{moved} rows had the time of the row before them, and were spread evenly")
-        if dropped and self.options.times == "drop":
+        if dropped and self.options.time_policy == "drop":
             line = int(part.lines[np.flatnonzero(~good)[0]])
             self.remarks.append(
                 f"{dropped} rows whose time does not increase were dropped, the first of them on line {line}"

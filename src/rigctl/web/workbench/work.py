@@ -137,12 +137,13 @@ def bring_in(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl import FILE``."""
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing import import_files
+    from rigctl.dataset.importing.log_format import with_log_format
     from rigctl.dataset.importing.options import Options
     from rigctl.project import find_file, find_project
     from rigctl.rig import load_rig
 
     bench = load_rig(find_file(Path(str(arguments["rig"])))) if arguments.get("rig") else None
-    options = Options(assume=read_assumptions(arguments.get("assume") or ()))
+    options = with_log_format(Options(assume=read_assumptions(arguments.get("assume") or ())), bench)
     report("Reading the file")
     done = import_files([Path(str(arguments["file"]))], bench, find_project().runs, options)
     return {"run": done.run, "records": done.records, "rows": done.rows, "notes": list(done.notes)}
