@@ -121,8 +121,7 @@ def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
     best: Any = SimpleNamespace(candidates=[leak], unusual={}, undetermined=())
     left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
     assert against_identity(best, {}, left, 30.0**2) == [
-        "what it leaves is 6.0 times as strong as chance, more than a different shape of so small an effect "
-        "accounts for"
+        "what it leaves, 4 % of the misfit, is more than a different shape of so small an effect accounts for"
     ]
     assert not against_identity(best, {}, left, 300.0**2)
     assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
@@ -135,7 +134,7 @@ def test_several_effects_that_leave_something_may_imitate_another() -> None:
     pair: Any = SimpleNamespace(candidates=chosen, unusual={}, undetermined=())
     left = Remainder(0.004, 30.0, 0.001, "", "", "", "0.4 % is left")
     (reason,) = against_identity(pair, {}, left, 500.0**2)
-    assert reason.startswith("together they leave a pattern 30 times as strong as chance that no other shape")
+    assert reason.startswith("together they leave 0.4 % of the misfit that no other shape")
     (reason,) = against_identity(pair, {}, replace(left, slot="pump_flow"), 500.0**2)
     assert reason == "what they leave points to a term at pump_flow, where none of them acts"
     assert not against_identity(pair, {}, None, 500.0**2)
@@ -147,8 +146,7 @@ def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:
     said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen).text
     assert said == (
         "Something is missing, but the data show too little of it to identify it: position_gain explains "
-        "more of it than any other effect, 3.9 times as strong as chance, but among so many effects that is "
-        "too little"
+        "more of it than any other effect, but 3.9 times as strong as chance is not enough to name it"
     )
     unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}).text
     assert unseen == "Something is missing that no effect of the library explains"

@@ -19,7 +19,7 @@ from rigctl.cli.views.model import show_errors
 from rigctl.errors import RigctlError
 from rigctl.model.history.change import ModelError
 from rigctl.report.answer import Answer
-from rigctl.report.diagnosis_answer import _certain, _fits, _not_distinguished
+from rigctl.report.diagnosis_answer import _certain, _fits, _not_distinguished, _sentence
 
 
 def test_numbered_progress_messages_are_thinned_and_others_are_all_shown() -> None:
@@ -76,6 +76,17 @@ def test_additions_that_other_effects_could_replace_are_stated_once() -> None:
     steps: list[Any] = [SimpleNamespace(diagnosis=one) for one in (ambiguous, ambiguous, clear)]
     text = "these data cannot distinguish friction from load, nor leak from gain or lag"
     assert _not_distinguished(steps) == text
+    alone: Any = SimpleNamespace(
+        verdict=Verdict.AMBIGUOUS, doubt="", effects=("friction",), classes=(("friction", "load", "lag"),)
+    )
+    other: Any = SimpleNamespace(
+        verdict=Verdict.AMBIGUOUS, doubt="", effects=("leak",), classes=(("leak", "gain", "lag"),)
+    )
+    both: list[Any] = [SimpleNamespace(diagnosis=one) for one in (alone, other)]
+    said = "these data cannot distinguish friction from load or lag"
+    assert _not_distinguished(both) == f"{said}; these data cannot distinguish leak from gain or lag"
+    assert _sentence(alone, others_follow=False) == f"something is missing, and {said}"
+    assert _sentence(alone).endswith("cannot tell which of 3 effects it is")
     assert _not_distinguished(steps[2:]) == ""
 
 

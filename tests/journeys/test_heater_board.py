@@ -72,4 +72,4 @@ def test_the_last_answer_includes_the_remaining_misfit(found: dict[str, Any]) ->
     assert left["slot"]
     assert left["statement"].startswith(f"{100 * left['share']:.0f} % of the misfit is left")
     _, now = found["page"].split("The model as it is now</h2>", 1)
-    assert f"{100 * left['share']:.0f} % of the misfit is left, " in now.partition("<h2")[0]
+    assert f"{100 * left['share']:.0f} % of the misfit is left" in now.partition("<h2")[0]

@@ -341,3 +341,7 @@ def test_the_glossary_has_every_word_that_a_page_explains() -> None:
 def test_a_page_explains_only_the_words_that_it_uses() -> None:
     found = words_in("<p class='sigma'>3.2 times as strong as chance (p = 0.2), R² 99 %, mBICs</p>")
     assert list(found) == ["times as strong as chance", "R²", "p", "mBIC"]
+    assert list(words_in("<p>too much for chance (p &lt; 1e-6)</p>")) == ["p"]
+    assert not words_in(
+        "<p>nothing</p><script>const noise = 1; if (p < 2) sigma();</script><style>.slot {}</style>"
+    )

@@ -46,8 +46,8 @@ class Remainder:
 
     @property
     def amount(self) -> str:
-        """Its size in words."""
-        return f"a pattern {strength(self.size)}" if self.size**2 >= STATED else "a detectable pattern"
+        """How much it is, in words."""
+        return f"{share_text(self.share)} of the misfit" if self.size**2 >= STATED else "a detectable pattern"
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -64,7 +64,10 @@ class Remainder:
 
 
 def strength(size: float) -> str:
-    """A size in standard deviations of what noise alone makes of it, in words."""
+    """The size of one effect in standard deviations of what noise alone makes of it, in words.
+
+    It is none of a remainder: the √χ² that noise alone leaves grows with the number of readings.
+    """
     number = f"{size:.0f}" if size >= 10.0 else f"{size:.1f}"
     return f"{number} times as strong as chance"
 
@@ -87,8 +90,7 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     p = view.adequacy.p_value
     statement = f"a test still detects something ({chance_text(p)}), too weak for its size to be stated"
     if excess >= STATED:
-        share = share_text(search.left(best))
-        statement = f"{share} of the misfit is left, {strength(math.sqrt(excess))} ({chance_text(p)})"
+        statement = f"{share_text(search.left(best))} of the misfit is left ({chance_text(p)})"
     if slot:
         statement += f", most of it at {slot}"
     if trend is not None:

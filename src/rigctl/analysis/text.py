@@ -188,8 +188,8 @@ def _unnamed_text(visible: Ranked | None, doubt: str) -> str:
     if visible is not None:
         return (
             f"{opening}, but the data show too little of it to identify it: "
-            f"{visible.effect} explains more of it than any other effect, {strength(visible.size)}, but "
-            "among so many effects that is too little"
+            f"{visible.effect} explains more of it than any other effect, but {strength(visible.size)} is "
+            "not enough to name it"
         )
     if doubt:
         return f"{opening}, and no effect of the library explains it"
@@ -273,8 +273,8 @@ def against_identity(
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
     if remaining is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < remaining.size:
         reasons.append(
-            f"what it leaves is {strength(remaining.size)}, more than a different shape of so small an "
-            "effect accounts for"
+            f"what it leaves, {remaining.amount}, is more than a different shape of so small an effect "
+            "accounts for"
         )
     return reasons
 

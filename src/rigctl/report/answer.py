@@ -182,7 +182,7 @@ def _own_fall(one: ChannelFall) -> str:
 
 
 def _size(one: ChannelFall, index: int) -> str:
-    return one.amount(index) or one.sigmas(index)
+    return one.sigmas(index) if one.within(index) else one.amount(index)
 
 
 def held_out_text(fits: Sequence[FitResult]) -> str:

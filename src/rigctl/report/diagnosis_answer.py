@@ -94,13 +94,16 @@ def improvement_answer(improvement: Improvement) -> Answer:
         *(("no fit saw", one.sentences[0]) for one in improvement.unseen),
     ]
     if improvement.ended is not ImprovementEnd.ADEQUATE:
-        facts += [("now", f"{improvement.last.title}: {_sentence(improvement.last)}")]
+        facts += [("now", f"{improvement.last.title}: {_sentence(improvement.last, others_follow=False)}")]
     tone: Tone = "good" if improvement.ended is ImprovementEnd.ADEQUATE else "warn"
     return Answer(tone, "What was added", text[0].upper() + text[1:], nonempty(facts), improvement.last.first)
 
 
-def _sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in a plain sentence; its statement if that is one."""
+def _sentence(diagnosis: Diagnosis, *, others_follow: bool = True) -> str:
+    """The verdict in a plain sentence; its statement if that is one.
+
+    Effects that the data cannot distinguish are only counted where others follow, each in a line of its own.
+    """
     if diagnosis.verdict is Verdict.UNDECIDED and diagnosis.before.bounded:
         return diagnosis.statement
     if diagnosis.doubt:
@@ -109,33 +112,38 @@ def _sentence(diagnosis: Diagnosis) -> str:
         return diagnosis.statement
     if diagnosis.verdict is Verdict.MISSING_EFFECT:
         return ". ".join(one.effect.summary.rstrip(".") for one in diagnosis.best.candidates)
-    if alike := _alike(diagnosis):
-        return f"something is missing, and {alike}"
+    if close := _close(diagnosis):
+        counted = len(close) == 1 == len(diagnosis.effects) and others_follow
+        chosen = f"these data cannot tell which of {len(close[0])} effects it is"
+        return f"something is missing, and {chosen if counted else _alike(diagnosis)}"
     return diagnosis.opening
+
+
+def _close(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """The effects of an ambiguous verdict, each with those that the data cannot distinguish from it."""
+    if diagnosis.verdict is not Verdict.AMBIGUOUS:
+        return []
+    return [group for group in diagnosis.classes if len(group) > 1]
 
 
 def _alike(diagnosis: Diagnosis) -> str:
     """What the data cannot distinguish from the effects of an ambiguous verdict; "" if it is not that."""
-    close = [group for group in diagnosis.classes if len(group) > 1]
-    if diagnosis.verdict is not Verdict.AMBIGUOUS or not close:
-        return ""
-    if len(close) == 1 == len(diagnosis.effects):
-        return f"these data cannot tell which of {len(close[0])} effects it is"
-    pairs = [f"{first} from {_listed(others)}" for first, *others in close]
-    return f"these data cannot distinguish {', nor '.join(pairs)}"
+    pairs = [f"{first} from {_listed(others)}" for first, *others in _close(diagnosis)]
+    return f"these data cannot distinguish {', nor '.join(pairs)}" if pairs else ""
 
 
 def _others(diagnosis: Diagnosis) -> list[str]:
     """What else it could be, each as a sentence with its name; empty unless the verdict is ambiguous."""
-    if not _alike(diagnosis):
+    close = _close(diagnosis)
+    if not close:
         return []
     effects = library(diagnosis.best.fit.problem.model.family)
-    names = dict.fromkeys(name for first, *others in diagnosis.classes for name in others)
+    names = dict.fromkeys(name for first, *others in close for name in others)
     return [f"{effects[name].summary.rstrip('.')} ({name})" if name in effects else name for name in names]
 
 
 def _not_distinguished(steps: Sequence[Step]) -> str:
-    """Which of the additions other effects could replace: the most probable was added."""
+    """By which effects the additions could be replaced: the most probable was added."""
     texts = dict.fromkeys(_alike(step.diagnosis) for step in steps)
     return "; ".join(text for text in texts if text)
 
@@ -218,7 +226,7 @@ def _left(diagnosis: Diagnosis) -> str:
     remainder = diagnosis.remainder
     where = f", most at {remainder.slot}" if remainder.slot else ""
     over = f", over {remainder.over}" if remainder.over else ""
-    return f"{share_text(remainder.share)} of the misfit, {strength(remainder.size)}{where}{over}"
+    return f"{share_text(remainder.share)} of the misfit{where}{over} ({chance_text(remainder.p_value)})"
 
 
 def _left_beside_floor(diagnosis: Diagnosis) -> str:

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rigctl.analysis.decision_levels import ALPHA
-from rigctl.analysis.remainder import strength
 from rigctl.report.numbers import number, symbol
 from rigctl.units import parse_unit, significant
 
@@ -83,12 +82,12 @@ class ChannelFall:
         return self.sizes[index] == 0.0
 
     def sigmas(self, index: int) -> str:
-        """``41 times as strong as chance``, ``4.2 times its white noise``, or that it is within the noise."""
-        if self.within(index):
-            return "within the noise"
-        if self.own:
-            return f"{significant(self.sizes[index], 2)} times its {self.own}"
-        return strength(self.sizes[index])
+        """With `own` ``4.2 times its white noise``, or that it is within the noise."""
+        return (
+            "within the noise"
+            if self.within(index)
+            else f"{significant(self.sizes[index], 2)} times its {self.own}"
+        )
 
     def beside_noise(self, index: int) -> str:
         """With `own` and beyond the noise: ``0.092 V, 4.2 times its white noise of 0.022 V``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Mapping
 from typing import Final
@@ -11,8 +12,9 @@ WORDS: Final[Mapping[str, str]] = {
     "noise": "the scatter of a reading when nothing changes; no model can predict it",
     "error": "measured less modelled; RMSE is the root of its mean square",
     "systematic error": "what is left of the error when the noise is subtracted from it",
-    "times as strong as chance": "a size in units of what noise alone makes of it, its standard deviation: "
-    "without an effect it is hardly ever above 3",
+    "times as strong as chance": "how much an effect explains, in standard deviations of what noise alone "
+    "makes of it: hardly ever above 3 for one effect that is not there, nor above 4 for the largest of a "
+    "library",
     "R²": "share of a channel's variance that a model explains; 100 % is all of it",
     "p": "probability of seeing as much by chance alone; below 0.01 it counts as seen",
     "effect": "one piece of physics that a model may have or lack; in brackets its name in the library",
@@ -31,8 +33,9 @@ WORDS: Final[Mapping[str, str]] = {
 
 
 def words_in(text: str) -> dict[str, str]:
-    """The words that a text uses, with their meanings."""
-    plain = re.sub(r"<[^>]*>", " ", text)
+    """The words that the visible text of a piece of HTML uses, with their meanings."""
+    visible = re.sub(r"<(script|style)\b.*?</\1>", " ", text, flags=re.DOTALL | re.IGNORECASE)
+    plain = html.unescape(re.sub(r"<[^>]*>", " ", visible))
     return {word: meaning for word, meaning in WORDS.items() if _pattern(word).search(plain)}
 
 

@@ -126,7 +126,7 @@ def _bars(title: str, shown: Sequence[ChannelFall], named: NamedModels) -> Marku
 def _bar(one: ChannelFall, index: int, label: str, largest: float) -> Bar:
     within, last = one.within(index), index == len(one.sizes) - 1 > 0
     length = 0.0 if within else one.sizes[index] / largest
-    size = one.sigmas(index) if one.own else one.amount(index) or one.sigmas(index)
+    size = one.sigmas(index) if one.own or within else one.amount(index)
     return Bar(words(label), length, size, _beside(one, index), 0 if last else 1)
 
 
@@ -146,7 +146,7 @@ def _unchanged(channel_falls: Sequence[ChannelFall], shown: Sequence[ChannelFall
     within = [one.title for one in rest if one.within(-1)]
     parts = [f"{', '.join(within)}: within the noise"] if within else []
     parts += [
-        f"{one.title}: {one.beside_noise(-1) if one.own else f'{one.sigmas(-1)} beyond the noise'}"
+        f"{one.title}: {one.beside_noise(-1) if one.own else f'{one.amount(-1)} beyond the noise'}"
         for one in beyond
     ]
     same = " before and after" if len(channel_falls[0].sizes) > 1 else ""
