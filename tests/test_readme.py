@@ -21,6 +21,8 @@ CONSOLE = [block for block in blocks(PAGE) if block.kind == "console"]
 #: commands of minutes, which other tests carry out: here their options and their files are checked
 LONG = ("diagnose", "design", "learn", "discover", "compensate", "survey")
 
+AT_THE_END = "all lines were typed"
+
 #: what stands in for them: options and values are read as by the command, and every file that is named exists
 ACCEPTED = """
 import sys
@@ -73,11 +75,21 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_results: Path)
 
 
 def run(lines: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Type the lines; the first that fails ends it."""
+    """Type the lines; the first that fails ends it.
+
+    They are no command's input: one that reads its input would swallow those after it.
+    """
     done = subprocess.run(
-        ["bash", "-e"], input=lines, cwd=folder, capture_output=True, text=True, encoding="utf-8", check=False
+        ["bash", "-e", "-c", f"{lines}\necho {AT_THE_END}"],
+        stdin=subprocess.DEVNULL,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
     )
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    assert done.stdout.endswith(f"{AT_THE_END}\n")
     assert "Traceback" not in done.stderr
     return done
 

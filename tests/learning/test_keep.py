@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
 from rigctl.learning.ending import LearningEnd
-from rigctl.learning.keep import Kept, Task
+from rigctl.learning.keep import STAMP, Kept, Task
 from rigctl.learning.result import Learned, PredictedRound, Round, RoundOutcome
 
 NAMES = st.sampled_from(["leak", "drift", "coulomb_friction", "none"])
@@ -111,6 +112,26 @@ def test_a_full_name_finds_its_folder_although_another_name_starts_with_it(tmp_p
         assert Kept.find(tmp_path, folder.name).folder == folder
     with pytest.raises(RigctlError, match="several sessions start like this"):
         Kept.find(tmp_path, first.folder.name[:-1])
+
+
+def test_a_session_is_discarded_only_if_nothing_has_happened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With `--run` the model had a new version by then, or a run had begun that only the session resumes."""
+    version, runs = TASK.version, ["20200101-000000-earlier"]
+    monkeypatch.setattr("rigctl.learning.keep.current_version", lambda _: SimpleNamespace(number=version))
+    monkeypatch.setattr("rigctl.learning.keep.list_runs", lambda _: [SimpleNamespace(id=one) for one in runs])
+    kept = Kept.create(tmp_path, TASK, "stroke")
+    version += 1
+    kept.discard_if_nothing_was_learned(tmp_path)
+    version -= 1
+    runs.append(f"{kept.folder.name[:STAMP]}-begun")
+    kept.discard_if_nothing_was_learned(tmp_path)
+    assert Kept.find(tmp_path).folder == kept.folder
+    runs.pop()
+    kept.discard_if_nothing_was_learned(tmp_path)
+    assert not (tmp_path / "learning").exists()
+    kept.discard_if_nothing_was_learned(tmp_path)  # nothing there: the refusal is what the user has to see
 
 
 @pytest.mark.parametrize("ended", list(LearningEnd))

@@ -146,6 +146,13 @@ def test_only_a_terminal_is_typed_into(tmp_path: Path) -> None:
     assert not is_terminal(io.StringIO(""))
 
 
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
+def test_a_terminal_is_typed_into() -> None:
+    ours, theirs = os.openpty()
+    with os.fdopen(ours, "rb"), os.fdopen(theirs, encoding="utf-8") as terminal:
+        assert is_terminal(terminal)
+
+
 @pytest.mark.parametrize(
     ("steps", "place"),
     [

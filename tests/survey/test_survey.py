@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import chdir
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ from junitparser import JUnitXml
 import rigctl
 from commands import answer, call, refusal, told
 from rigctl.dataset import list_runs
-from rigctl.errors import ExitCode
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.model import load_model
-from rigctl.monitoring.survey import _picked, survey
+from rigctl.monitoring.survey import _picked, _require_condition, survey
 from rigctl.tasks import Workers
 
 FAMILY = """\
@@ -222,6 +223,29 @@ def test_a_condition_with_an_unknown_name_is_refused_before_anything_is_fitted(
     monkeypatch.setattr("rigctl.monitoring.survey.read_entry", None)
     with chdir(year):
         assert "did you mean 'record'" in refusal("survey", *SHARED, "--only", "recrod > 1")
+
+
+def test_a_condition_is_refused_only_if_no_run_knows_its_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rod that only the sixth run has was unknown."""
+    known: list[str] = []
+
+    def check(_: Any, condition: str, names: Any) -> None:
+        if condition not in names:
+            raise RigctlError("unknown name", value=condition)
+
+    def measured(_: Any, runs: Any) -> Any:
+        known.append(runs)
+        return SimpleNamespace(measurements=runs)
+
+    monkeypatch.setattr("rigctl.monitoring.survey.measured", measured)
+    monkeypatch.setattr("rigctl.monitoring.survey.check_condition", check)
+    monkeypatch.setattr("rigctl.monitoring.survey.variable_units", lambda names: names)
+    entries: Any = [SimpleNamespace(runs=runs) for runs in [("speed",)] * 6 + [("speed", "rod"), ("speed",)]]
+    plan: Any = None
+    _require_condition(plan, entries, "rod")
+    assert len(known) == 7  # the rest need not be asked
+    with pytest.raises(RigctlError, match="unknown name"):
+        _require_condition(plan, entries, "rot")
 
 
 def test_a_shared_parameter_is_held_and_still_tested(year: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from rigctl.dataset import list_runs
 from rigctl.errors import RigctlError
+from rigctl.learning.keep import STAMP
 from rigctl.plan import Plan
 from rigctl.planning import preview
 from rigctl.procedure import expand, load_procedure
@@ -18,8 +19,6 @@ from rigctl.runner.launch import Launch, launch
 from rigctl.runner.resume import Interrupted, open_interrupted, relaunch
 from rigctl.runner.session import RunResult
 
-#: length of the time stamp at the start of a run's id
-_STAMP = 15
 #: statuses of runs that can be resumed
 _GOES_ON = ("unclosed", "interrupted", "aborted")
 #: wraps a launch with an operator who answers prompts and a live view, for the duration of the run
@@ -80,7 +79,7 @@ def cut_off(plan: Plan, runs: Path, since: str) -> Interrupted | None:
     since: UTC date and time in the format of run ids; older runs belong to others.
     """
     for summary in reversed(list_runs(runs)):
-        if summary.id[:_STAMP] < since[:_STAMP]:
+        if summary.id[:STAMP] < since[:STAMP]:
             return None
         if summary.status in _GOES_ON and isinstance(summary.folder, Path):
             before = _same(summary.folder, plan)

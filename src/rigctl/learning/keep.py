@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from rigctl.dataset import list_runs
 from rigctl.dataset.run_id import new_run_id, next_free
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.files.regular import read_text
@@ -15,9 +17,12 @@ from rigctl.files.write import write_json, write_new
 from rigctl.json_values import parse_json
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round
+from rigctl.model import current_version
 
 _STATE = "learning.json"
 _VERSION = 1
+#: length of the time stamp at the start of the id of a run or a session
+STAMP = 15
 #: endings after which another answer, more time or more rounds allow it to continue
 _GOES_ON = (LearningEnd.DECLINED, LearningEnd.BUDGET, LearningEnd.ROUNDS, LearningEnd.STOPPED)
 
@@ -170,15 +175,32 @@ class Kept:
         self.write()
         return one
 
-    def discard_if_nothing_was_learned(self) -> None:
-        """Remove the folder of a session that was refused before its first result: it holds only the task."""
-        only = [one.name for one in self.folder.iterdir()] == [_STATE]
-        begun = any(one.run or one.lost or one.verdict for one in self.rounds)
-        if only and not begun:
-            (self.folder / _STATE).unlink()
-            self.folder.rmdir()
-            if not any(self.folder.parent.iterdir()):  # the project's first session
-                self.folder.parent.rmdir()
+    def discard_if_nothing_was_learned(self, runs: Path) -> None:
+        """Remove the folder of a session that was refused before anything happened: it holds only the task.
+
+        Whatever prevents that is not reported: the refusal that led here is what the user has to see.
+
+        Parameters
+        ----------
+        runs: where the bench's runs are; one of this session may have begun, and can be resumed only from it.
+        """
+        with suppress(OSError, RigctlError):
+            if self._holds_only_the_task() and not self._has_changed_anything(runs):
+                (self.folder / _STATE).unlink()
+                self.folder.rmdir()
+                if not any(self.folder.parent.iterdir()):  # the project's first session
+                    self.folder.parent.rmdir()
+
+    def _holds_only_the_task(self) -> bool:
+        results = any(one.run or one.lost or one.verdict for one in self.rounds)
+        return not results and [one.name for one in self.folder.iterdir()] == [_STATE]
+
+    def _has_changed_anything(self, runs: Path) -> bool:
+        """Whether the model has another version since, or a run has begun since, perhaps somebody else's."""
+        since = self.folder.name[:STAMP]
+        return current_version(Path(self.task.model)).number != self.task.version or any(
+            summary.id[:STAMP] >= since for summary in list_runs(runs)
+        )
 
     def close(self, learned: Learned) -> Learned:
         """Record that it has ended, unless it can continue."""

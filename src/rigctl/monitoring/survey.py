@@ -74,6 +74,7 @@ def survey(
     runs, copies = without_copies(runs)
     ordered = entries_of(runs, by, over)
     if only is not None:
+        report(f"Looking for what --only names: {only}")
         _require_condition(Plan(model, freed, (), (), None, tuple(assume)), ordered.entries, only)
     started, picked = _starting_model(model, freed, ordered.entries, only, tuple(assume), effects, report)
     plan = Plan(started, freed, shared, picked, only, tuple(assume))
@@ -118,13 +119,15 @@ def survey(
 def _require_condition(plan: Plan, entries: Sequence[Entry], only: str) -> None:
     """Refuse a condition whose names no run has, before anything is fitted.
 
+    Runs may differ in their columns, and only the last one may have a name: all are asked until one has it.
+
     Raises
     ------
     RigctlError
-        none of the first runs has them, or it is not a condition.
+        no run has them, or it is not a condition.
     """
     refused: RigctlError | None = None
-    for entry in entries[:_TRIED]:
+    for entry in entries:
         try:
             measurements = measured(plan, entry.runs).measurements
         except RigctlError:  # it is reported with the others

@@ -167,7 +167,7 @@ def learn(
             learned = learner.learn()
         except RigctlError:
             if not resume:
-                session.discard_if_nothing_was_learned()
+                session.discard_if_nothing_was_learned(find_project().runs)
             raise
         page = _write_page(session, learned)
         if as_json:
