@@ -55,6 +55,12 @@ class Log:
     units: tuple[str | None, str | None] = (None, None)
 
     @property
+    def readings(self) -> tuple[list[float], list[float]]:
+        """Voltage and speed as the file has them."""
+        speeds = [self.speed * _speed(row) for row in range(ROWS)]
+        return [_voltage(row * STEP) for row in range(ROWS)], speeds
+
+    @property
     def text(self) -> str:
         """The file."""
         lines = [self.head] if self.head else []

@@ -378,6 +378,18 @@ def is_speed_of_rotation(text: str) -> bool:
     return per_time and not _ANGLES.isdisjoint(_TOKEN.findall(_plain_spelling(text)))
 
 
+def is_angle(text: str) -> bool:
+    """Whether a unit is one of an angle: rad or deg; a plain number, a share or a count is none.
+
+    Raises
+    ------
+    RigctlError
+        the unit is unknown.
+    """
+    plain = parse_unit(text).dimension.dimensionless
+    return plain and not _ANGLES.isdisjoint(_TOKEN.findall(_plain_spelling(text)))
+
+
 def _unknown_unit(text: str) -> RigctlError:
     listed = {unit for units in UNITS_OF.values() for unit in units}
     known = [name for name in dict.fromkeys((*_COMMON, *listed, "percent")) if name]

@@ -13,6 +13,7 @@ from commands import answer, refusal, told
 from logger_headings import LOGS, ROWS, STEP
 from rigctl.cli.commands.first_fit import FirstFit
 from rigctl.dataset import open_run
+from rigctl.units import parse_unit
 
 README = Path(__file__).parents[2] / "README.md"
 #: logs that do not tell when their rows were taken: the user is asked
@@ -49,17 +50,26 @@ def write(lab: Path, name: str) -> None:
     (lab / "log.csv").write_text(LOGS[name].text, encoding="utf-8")
 
 
-def draft_and_import(*more: str) -> None:
+def draft_and_import(name: str, *more: str) -> None:
     """README's lines for the draft and the import; see that the run has the log's rows in the right units."""
     draft, bring_in, _ = own_bench_lines()
     done = answer(*draft, *more)
     roles = [column["role"] for column in done["columns"] if column["role"] != "left out"]
     assert roles == ["input", "output"]
     told(*bring_in)
-    run = open_run("latest")
-    record = run.record(0)
+    require_values(name)
+
+
+def require_values(name: str) -> None:
+    """See that the latest run has the times, the voltage and the speed of the log, in SI."""
+    record = open_run("latest").record(0)
     assert np.allclose(np.diff(record.time), STEP, atol=2e-3)
     assert len(record.time) == ROWS
+    (u,), (y,) = record.commands.values(), record.channels.values()
+    written = LOGS[name].readings
+    for values, shown, unit in zip((u, y), written, LOGS[name].units, strict=True):
+        factor = parse_unit(unit or "1").factor
+        assert np.allclose(values, factor * np.array(shown), atol=1e-3 * factor)
 
 
 @pytest.mark.parametrize("name", [name for name in LOGS if name not in ASKED])
@@ -67,7 +77,7 @@ def test_the_lines_of_readme_draft_and_import_a_log_of_any_heading(
     lab: Path, without_fit: None, name: str
 ) -> None:
     write(lab, name)
-    draft_and_import()
+    draft_and_import(name)
     drafted = shown_units()
     stated = [unit or "1" for unit in LOGS[name].units]
     assert drafted == stated
@@ -89,7 +99,24 @@ def test_a_log_that_does_not_tell_its_times_asks_for_them(lab: Path, without_fit
     assert not list(Path("families").glob("*")) if Path("families").exists() else True
     asked = re.search(r'--unit "([^"]+)"', message)
     assert asked is not None
-    draft_and_import("--unit", asked.group(1))
+    draft_and_import(name, "--unit", asked.group(1))
+
+
+def test_a_later_log_is_read_by_its_own_heading(lab: Path, without_fit: None) -> None:
+    write(lab, "parentheses")
+    told(*own_bench_lines()[0])
+    text = LOGS["brackets"].text.replace("time [s],voltage [V]", "Time (s),Voltage (V)")
+    (lab / "log.csv").write_text(text.replace("speed [rad/s]", "Speed (rad/s)"), encoding="utf-8")
+    told(*own_bench_lines()[1])
+    require_values("brackets")
+
+
+def test_a_later_log_does_not_take_the_units_of_the_first(lab: Path, without_fit: None) -> None:
+    write(lab, "plain names")
+    told(*own_bench_lines()[0], "--unit", "voltage=V", "--unit", "speed=rpm")
+    text = LOGS["plain names"].text.replace("time,voltage,speed", "time,voltage,speed [rad/s]")
+    (lab / "log.csv").write_text(text, encoding="utf-8")
+    assert "speed: its heading states [rad/s]" in refusal(*own_bench_lines()[1])
 
 
 def test_columns_without_units_are_named_with_the_command_that_states_them(

@@ -18,7 +18,7 @@ from rigctl.proposal.responses import (
     static_response,
     tells_no_directions,
 )
-from rigctl.units import parse_unit
+from rigctl.units import is_angle, parse_unit
 
 #: a system with one more pole must leave at most this share of what a simpler one leaves
 _MUCH_LESS: Final = 0.3
@@ -69,7 +69,7 @@ def suggest(table: Table) -> Suggestion:
         unsigned = tells_no_directions(table, outputs[0], inputs)
         if unsigned is not None:
             return Suggestion("second-order", left | {"second-order": unsigned.unexplained})
-        moved = outputs[0].display.dimension in (parse_unit("m").dimension, parse_unit("rad").dimension)
+        moved = is_angle(outputs[0].unit) or outputs[0].display.dimension == parse_unit("m").dimension
         if moved and len(inputs) == 1:
             left["driven-mass"] = _mean([driven_mass_response(table, outputs[0], inputs)])
     slowest = max(1.0 / lag.rates[0] for lag in lags if lag is not None)

@@ -24,6 +24,8 @@ Origin = Literal["commanded", "measured", "unclear"]
 
 #: rows that are examined: enough to classify a column
 _MOST_ROWS: Final = 200_000
+#: rows from which an even rise is the time, or a number
+_MANY_STEPS: Final = 30
 _RECORDS: Final = ("record", "run", "experiment", "trial", "segment")
 
 
@@ -147,7 +149,7 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     time = next((name for name in headings if found.ours(name) == "time"), None)
     record = next((name for name, ours in plain.items() if ours in _RECORDS), None)
     time = time or stamped_column(path, source, found)
-    time = time or next((name for name, one in headings.items() if _is_given_time(one)), None)
+    time = time or _given_time(path, headings, plain_options)
     # a time may be written as a date, which only a time is read from
     named = {name: meaning for name, meaning in ((time, "time"), (record, "record")) if name is not None}
     as_named = replace(plain_options, columns={**named, **found.columns})
@@ -161,9 +163,11 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     clock = None if time is None else table.column(time)
     if time is not None and clock is not None:
         heading = _heading(read[time], units)
-        given = heading.unit if _is_given_time(heading) else None
+        given = heading.unit if heading.given else None
         unit = "s" if read[time].seconds else given or as_named.unit_of(time) or read[time].unit or "s"
-        times = clock.values * (interval(replace(read[time], unit=unit)) or parse_unit(unit)).factor
+        times = (
+            clock.values * ((given and interval(replace(read[time], unit=unit))) or parse_unit(unit)).factor
+        )
         codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
         said = not (read[time].seconds or heading.stated) and (given or as_named.unit_of(time))
         renamed += _time_pair(_key(time, heading.headed) if said else time, unit if said else None)
@@ -246,7 +250,7 @@ def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
         plain, guessed = name, None
     given = units.get(name, units.get(_plain_name(plain)))
     if given is not None:
-        if not re.match(r"[\d.]+\s*[a-zµ]", given):  # '50 ms', from row to row
+        if not _is_interval(given):
             parse_unit(given)
         return _Heading(name, given, False, plain, given=True, headed=headed)
     unit_text = unit if stated else guessed
@@ -255,10 +259,36 @@ def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
     return _Heading(name, unit_text, stated, plain, unread="" if stated else headed, headed=headed)
 
 
-def _is_given_time(heading: _Heading) -> bool:
-    """Whether the user has given a column a unit of time, or a time from row to row: it is the time."""
-    unit = (heading.unit or "").lstrip("0123456789. ")
-    return heading.given and parse_unit(unit).dimension == parse_unit("s").dimension
+def _is_interval(unit: str) -> bool:
+    """Whether a unit is a time from row to row, as the user states it: ``50 ms``, and not ``1/min``."""
+    return re.match(r"[\d.]+\s*[a-zµ]", unit) is not None
+
+
+def _given_time(path: Path, headings: Mapping[str, _Heading], options: Options) -> str | None:
+    """The column to which the user has given a time from row to row, or a unit of time while it rises evenly.
+
+    A duration, such as the time that a drive takes to stop, has a unit of time as well.
+    """
+    given = {name: one.unit for name, one in headings.items() if one.given and one.unit}
+    stated = next((name for name, unit in given.items() if _is_interval(unit)), None)
+    seconds = parse_unit("s").dimension
+    named = [
+        n for n, unit in given.items() if not _is_interval(unit) and parse_unit(unit).dimension == seconds
+    ]
+    if stated is not None or not named:
+        return stated
+    from rigctl.dataset.importing.formats import open_source
+    from rigctl.dataset.importing.read_table import table_of
+
+    table = table_of(open_source(path, options), path, options, most=_MOST_ROWS)
+    columns = ((name, table.column(name)) for name in named)
+    return next((name for name, one in columns if one is not None and rises_evenly(one.values)), None)
+
+
+def rises_evenly(values: Floats) -> bool:
+    """Whether a column of many rows increases by the same amount each time, as a time does."""
+    steps = np.diff(values)
+    return len(steps) >= _MANY_STEPS and steps[0] > 0.0 and bool(np.allclose(steps, steps[0], rtol=1e-3))
 
 
 def _is_unit(text: str) -> bool:

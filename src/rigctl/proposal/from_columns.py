@@ -9,7 +9,7 @@ import numpy as np
 from rigctl.errors import RigctlError
 from rigctl.proposal.columns import Column, Floats, Table
 from rigctl.proposal.draft import Formula, Input, Parameter, Slot, amount
-from rigctl.units import parse_unit
+from rigctl.units import is_angle, is_speed_of_rotation, parse_unit
 
 
 def chosen(table: Table, role: str) -> list[Column]:
@@ -17,19 +17,23 @@ def chosen(table: Table, role: str) -> list[Column]:
     return [column for column in table.columns if column.role == role]
 
 
+class UnfittingError(RigctlError):
+    """No column has a unit that a template needs."""
+
+
 def need(table: Table, role: str, units: Sequence[str], what: str) -> Column:
     """The column of `role` whose unit fits one of `units`, in their order.
 
     Raises
     ------
-    RigctlError
+    UnfittingError
         there is none.
     """
     column = maybe(table, role, units)
     if column is not None:
         return column
     columns = ", ".join(f"{c.name} [{c.unit}]" for c in chosen(table, role)) or "none"
-    raise RigctlError(
+    raise UnfittingError(
         f"the template needs {what} as an {role}",
         value=columns,
         expected=f"a column in a unit like {units[0]}",
@@ -40,11 +44,19 @@ def need(table: Table, role: str, units: Sequence[str], what: str) -> Column:
 def maybe(table: Table, role: str, units: Sequence[str]) -> Column | None:
     """As `need`, or None."""
     for unit in units:
-        dimension = parse_unit(unit).dimension
         for column in chosen(table, role):
-            if column.display.dimension == dimension:
+            if _is_like(column.unit, unit):
                 return column
     return None
+
+
+def _is_like(unit: str, other: str) -> bool:
+    """Whether two units are of one quantity: a plain number is no angle, and a count per time no speed."""
+    return (
+        parse_unit(unit).dimension == parse_unit(other).dimension
+        and is_angle(unit) == is_angle(other)
+        and is_speed_of_rotation(unit) == is_speed_of_rotation(other)
+    )
 
 
 def held(columns: Sequence[Column]) -> list[tuple[Floats, bool]]:

@@ -12,9 +12,10 @@ from typing import Final
 
 import numpy as np
 
+from rigctl.command_line import quoted
 from rigctl.dataset.importing.headings import counts_rows
 from rigctl.errors import RigctlError
-from rigctl.proposal.columns import Column, Floats, Origin, Role, Table
+from rigctl.proposal.columns import Column, Floats, Origin, Role, Table, rises_evenly
 from rigctl.proposal.responses import driven_mass_response
 
 #: a command stays the same over at least this share of its samples
@@ -41,8 +42,6 @@ _PAST: Final = range(3, 11)
 #: share of a column's changes that those of another one explain, of columns that drive each other
 _RELATED: Final = 0.3
 _REACH: Final = 20
-#: rows from which an even rise is the time, or a number
-_MANY_STEPS: Final = 30
 #: share of a position that a push leaves unexplained, if it is its push
 _MOVED: Final = 0.1
 
@@ -126,7 +125,7 @@ def _refuse_unstated_times(table: Table, roles: Mapping[str, Role]) -> None:
         if column.name in roles:
             continue
         counted = counts_rows(column.theirs, column.values)
-        if not counted and (column.known or not _rises_evenly(column.values)):
+        if not counted and (column.known or not rises_evenly(column.values)):
             continue
         first = ", ".join(f"{value:g}" for value in column.values[:3])
         unit = "50 ms" if counted else "s"
@@ -136,15 +135,9 @@ def _refuse_unstated_times(table: Table, roles: Mapping[str, Role]) -> None:
             f"{column.theirs}: {'it numbers the rows' if counted else 'it rises evenly'}, and no column is "
             "known to be their time",
             value=f"{first} …",
-            expected=f'--unit "{column.theirs}={unit}" {case}; {way} "{column.theirs}" if the rows are '
-            "operating points, without a time",
+            expected=f"--unit {quoted(f'{column.theirs}={unit}')} {case}; {way} {quoted(column.theirs)} if "
+            "the rows are operating points, without a time",
         )
-
-
-def _rises_evenly(values: Floats) -> bool:
-    """Whether a column of many rows increases by the same amount each time, as a time does."""
-    steps = np.diff(values)
-    return len(steps) >= _MANY_STEPS and steps[0] > 0.0 and bool(np.allclose(steps, steps[0], rtol=1e-3))
 
 
 def _judged(column: Column, table: Table, stated: Role | None) -> Column:
@@ -325,8 +318,8 @@ def _require_input(columns: Sequence[Column], table: Table, roles: Mapping[str, 
         if not _related(one, other, table) and not _moves(one, other, table):
             continue
         names = [column.theirs for column in outputs]
-        options = " or ".join(f'--input "{name}"' for name in names)
-        alone = " ".join(f'--output "{name}"' for name in names)
+        options = " or ".join(f"--input {quoted(name)}" for name in names)
+        alone = " ".join(f"--output {quoted(name)}" for name in names)
         raise RigctlError(
             f"'{one.theirs}' and '{other.theirs}' change together, but the log does not tell which of them "
             "drives the other",
@@ -373,7 +366,8 @@ def _require_change(columns: Sequence[Column]) -> None:
             raise RigctlError(
                 f"the output '{column.theirs}' has only {_levels(column.values)} different values: no model "
                 "can be fitted to it",
-                hint=f'--leave "{column.theirs}" leaves it out, --input "{column.theirs}" makes it an input',
+                hint=f"--leave {quoted(column.theirs)} leaves it out, --input {quoted(column.theirs)} makes "
+                "it an input",
             )
 
 
@@ -390,7 +384,7 @@ def _refuse_copies(columns: Sequence[Column]) -> None:
             if u.values.size == y.values.size and _is_copy(u.values, y.values):
                 raise RigctlError(
                     f"the output '{y.theirs}' is the input '{u.theirs}' once more: it would explain itself",
-                    hint=f'--leave "{u.theirs}" or --leave "{y.theirs}" leaves one of them out',
+                    hint=f"--leave {quoted(u.theirs)} or --leave {quoted(y.theirs)} leaves one of them out",
                 )
 
 

@@ -14,6 +14,7 @@ import typer
 
 from rigctl.cli.commands.init import mark_project
 from rigctl.cli.echo import echo, echo_json
+from rigctl.command_line import quoted, shell_word
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -120,6 +121,7 @@ def new(
     from rigctl.dataset.importing.options import Options, checked_choices
     from rigctl.project import find_file, find_project
     from rigctl.proposal.columns import read_columns
+    from rigctl.proposal.from_columns import UnfittingError
     from rigctl.proposal.propose import empty_table, find_template, propose
     from rigctl.proposal.roles import StatedRoles, with_roles
 
@@ -145,8 +147,9 @@ def new(
     stated_options = _options(csv, inputs, commanded, measured, outputs, leave, unit, import_options(table))
     try:
         proposal = propose(called, table, template)
-    except RigctlError as problem:
-        command = f"rigctl family new {name} {stated_options} --template {template}"
+    except UnfittingError as problem:
+        command = f"rigctl family new {shell_word(name)} {stated_options}"
+        command += "" if template is None else f" --template {template}"
         raise _with_units(problem, command, table) from None
     root = find_project().root
     with _written(root, proposal) as written:
@@ -259,12 +262,8 @@ def import_options(table: Table) -> str:
         "decimal": options.decimal,
         "heading": None if options.heading is None else str(options.heading),
     }
-    written = "".join(f" --{key} {_quoted(text)}" for key, text in chosen.items() if text is not None)
-    return written + "".join(f" --missing {_quoted(mark)}" for mark in options.missing)
-
-
-def _quoted(text: str) -> str:
-    return text if re.fullmatch(r"[\w./:+-]+", text) else f'"{text}"'
+    written = "".join(f" --{key} {shell_word(text)}" for key, text in chosen.items() if text is not None)
+    return written + "".join(f" --missing {shell_word(mark)}" for mark in options.missing)
 
 
 def _options(
@@ -287,9 +286,9 @@ def _options(
         "unit": unit,
     }
     text = "".join(
-        f" --{option} {_quoted(value)}" for option, values in repeated.items() for value in values or ()
+        f" --{option} {shell_word(value)}" for option, values in repeated.items() for value in values or ()
     )
-    return "" if csv is None else f"--csv {_quoted(csv.as_posix())}{text}{reading}"
+    return "" if csv is None else f"--csv {shell_word(csv.as_posix())}{text}{reading}"
 
 
 def _commands(proposal: Proposal) -> list[str]:
@@ -298,7 +297,7 @@ def _commands(proposal: Proposal) -> list[str]:
     table = proposal.table
     if table.path is not None:
         policy = "" if table.policy is None else f" --times {table.policy}"
-        commands.append(f"rigctl import {_quoted(table.path.as_posix())} --rig {proposal.rig}{policy}")
+        commands.append(f"rigctl import {shell_word(table.path.as_posix())} --rig {proposal.rig}{policy}")
         commands.append(f"rigctl compare latest --model {proposal.model}")
     commands.append(f"rigctl simulate {proposal.procedure}")
     commands.append(f"rigctl effects list --slots --family {proposal.family}")
@@ -343,7 +342,7 @@ def _with_units(problem: RigctlError, command: str, table: Table) -> RigctlError
     unknown = [column for column in table.columns if not column.known and column.role != "left out"]
     if not unknown:
         return problem
-    units = "".join(f' --unit "{column.theirs}=UNIT"' for column in unknown)
+    units = "".join(f" --unit {quoted(f'{column.theirs}=UNIT')}" for column in unknown)
     names = ", ".join(column.theirs for column in unknown)
     problem.hint = (
         f"The log states no unit for {names}. Give them, e.g. V, rpm, bar or degC for UNIT: "
@@ -385,7 +384,7 @@ def _unstated_units(proposal: Proposal, options: str) -> Iterator[str]:
     if not unknown or proposal.table.path is None:
         return
     names = ", ".join(c.theirs + (f" ('{c.unread}' is no unit)" if c.unread else "") for c in unknown)
-    units = "".join(f' --unit "{c.theirs}=UNIT"' for c in unknown)
+    units = "".join(f" --unit {quoted(f'{c.theirs}=UNIT')}" for c in unknown)
     yield (
         f"The log states no unit for {names}: drafted as plain numbers. With a unit for each UNIT (V, rpm, "
         f"bar …), this drafts it again: rigctl family new {proposal.name}_2 {options}{units}"
@@ -396,7 +395,7 @@ def _questions(columns: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """What only the user knows of the inputs."""
     for column in columns:
         if column["origin"] == "unclear":
-            option = f'--commanded "{column["theirs"]}"'
+            option = f"--commanded {quoted(column['theirs'])}"
             yield (
                 f"Is {column['theirs']} a command, and so known exactly, or measured? The log does not tell. "
                 f"It is drafted as measured; {option} makes it a command, --measured confirms the draft"

@@ -44,6 +44,8 @@ _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
     "pressure_b": ("channel", "Pa"),
     "position": ("channel", "m"),
 }
+#: of a converter or an encoder
+_COUNT: Final = ("count", "counts")
 #: unknown columns that are named
 _LISTED: Final = 20
 _UNKNOWN: Final = "unknown column"
@@ -149,7 +151,8 @@ def assign(
         if heading.spent or heading.name in ("", LEAVE_OUT):
             continue
         try:
-            column = _assign(index, heading, rig, samples=samples)
+            given = options.unit_of(headings[index].name) is not None
+            column = _assign(index, heading, rig, samples=samples, given=given)
         except UnknownColumn as error:
             if not samples or has_numbers(index):
                 unknown.append(error)
@@ -267,13 +270,16 @@ def _known_name(heading: Heading, rig: Rig | None) -> tuple[str, str | None]:
     known = _names(rig)
     plain, ending = split_ending(heading.name) if heading.unit is None else (heading.name, None)
     own = ending if heading.unit is None and plain == heading.name else heading.unit  # 'rpm' is both
-    for name, unit in ((heading.name, own), (plain, ending)):
+    placed = split_ending(heading.name, is_current=True)[0] if heading.unit is None else plain
+    for name, unit in ((heading.name, own), (plain, ending), (placed, "A")):
         match = next((ours for ours in known if folded(ours) == folded(name)), None)
         # names that a formula cannot use are written differently in a rig file drafted from this log
         key = identifier(name)
         match = match or next(
             (ours for ours in (key, f"{key}_value", f"channel_{key}") if ours in known), None
         )
+        if name not in (heading.name, plain) and not _alike(_unit_on(match or "", rig), "A"):
+            continue  # 'battery_A' is a current if the bench's 'battery' is one
         if match is not None:
             turns = unit is not None and counts_turns(heading.name, unit)
             return match, "rpm" if turns and is_speed_of_rotation(_unit_on(match, rig)) else unit
@@ -293,12 +299,12 @@ def places_of(assigned: Sequence[Assigned]) -> tuple[list[int], int | None]:
     return [column.index for column in assigned if column.kind != "record"], record
 
 
-def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> Assigned:
+def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool, given: bool) -> Assigned:
     name = heading.name
     if name == "record":
         return Assigned(name, "record", index, heading)
     if name == "time" or name.startswith(CLOCK):
-        return _clock(index, heading, rig)
+        return _clock(index, heading, rig, given=given)
     name = on_rig(name, rig) if rig is not None else name
     if rig is not None and name in rig.channels:
         channel = rig.channels[name]
@@ -354,12 +360,16 @@ def _limits(actuator: Actuator) -> tuple[float, float] | None:
     return float("-inf") if low is None else low, float("inf") if high is None else high
 
 
-def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
-    """Assign the times of all channels, or of one with its own clock, named after that channel."""
+def _clock(index: int, heading: Heading, rig: Rig | None, *, given: bool) -> Assigned:
+    """Assign the times of all channels, or of one with its own clock, named after that channel.
+
+    Only a caller can give the time from row to row: in the file's own heading, ``10 min`` is no unit.
+    """
     if heading.unit is None:
         heading = replace(heading, unit="s")  # which is reported
     if heading.name == "time":
-        return Assigned("time", "time", index, heading, interval(heading) or _unit(heading, "s"), "s")
+        unit = (interval(heading) if given else None) or _unit(heading, "s")
+        return Assigned("time", "time", index, heading, unit, "s")
     name = heading.name.removeprefix(CLOCK).strip()
     if rig is not None:
         name = on_rig(name, rig)
@@ -401,7 +411,22 @@ def _unit(heading: Heading, expected: str) -> Unit:
             where=heading.where,
         )
     _require_same_rotation(heading, unit, expected)
+    _require_same_count(heading, unit, expected)
     return unit
+
+
+def _require_same_count(heading: Heading, unit: Unit, expected: str) -> None:
+    """Refuse a count for an angle or a share, and the reverse: equal in dimension, and no unit of it."""
+    if (unit.text in _COUNT) == (expected in _COUNT) or unit.text == "1":
+        return
+    raise RigctlError(
+        f"{heading.name}: a count is no {expected}"
+        if unit.text in _COUNT
+        else f"{heading.name}: the rig has counts, and this is no count",
+        value=unit.text,
+        expected=f"its unit, e.g. --columns '{heading.name}={heading.name} [{expected}]' for {expected}",
+        where=heading.where,
+    )
 
 
 def _require_same_rotation(heading: Heading, unit: Unit, expected: str) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from rigctl.dataset.importing.headings import split_heading
+from rigctl.dataset.importing.headings import split_heading, time_unit
 from rigctl.dataset.importing.layouts import (
     Layout,
     Row,
@@ -36,6 +36,7 @@ _MOST_ROWS: Final = 0.75
 #: names of delimiters on the command line
 _WORDS: Final = {"tab": "\t", "\\t": "\t", "space": " ", "comma": ",", "semicolon": ";", "pipe": "|"}
 _BARE_RETURN: Final = re.compile(r"\r(?!\n)")
+_PERCENT: Final = re.compile(r"\s*%(\s|%|$)")
 
 
 @dataclass(frozen=True)
@@ -204,8 +205,34 @@ def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
                     break
         except csv.Error:
             pass
+    rows = _without_percent_comments(rows, delimiter)
     cut = not complete and len(rows) > 1 and len(rows) <= SAMPLE_ROWS
     return rows[:-1] if cut else rows
+
+
+def _without_percent_comments(rows: list[Row], delimiter: str) -> list[Row]:
+    """Return the rows without the comments that begin with ``%`` and a space, above everything else.
+
+    Below a row of names, ``%`` is a unit; in a row as wide as the table, the name of a column, unless the
+    time or, between spaces, the names follow it.
+    """
+    first = next((at for at, row in enumerate(rows) if not _PERCENT.match(row.cells[0])), len(rows))
+    if not first or first == len(rows):
+        return rows
+    width = Counter(len(row.cells) for row in rows[first:]).most_common(1)[0][0]
+    if delimiter == " ":
+        wide = [row for row in rows[:first] if len(row.cells) == width + 1]
+        named = [] if wide or not is_data(rows[first]) else rows[first - 1 : first]
+    else:
+        named = [row for row in rows[:first] if _names_percent(row, width)]
+    return [*(row for row in named if len(row.cells) == width), *rows[first:]]
+
+
+def _names_percent(row: Row, width: int) -> bool:
+    """Return whether the first column of a heading is called ``%`` or ``% open``: another one is the time."""
+    name = row.cells[0].strip().lstrip("% ")
+    times = [time_unit(*split_heading(cell))[0] for cell in row.cells[1:]]
+    return len(row.cells) == width and is_names(row) and (not name or any(times))
 
 
 def _divide(text: str, options: Options, *, complete: bool) -> tuple[str, list[Row], int] | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from rigctl.errors import RigctlError
@@ -63,7 +63,6 @@ _UNITS: Final[Mapping[str, str]] = {
     "Amps": "A",
     "RPM": "rpm",
     **dict.fromkeys(("U/min", "Upm", "UPM", "tr/min", "giri/min", "obr/min", "omw/min", "ot/min"), "rpm"),
-    **dict.fromkeys(("ticks", "tick", "raw", "digits", "LSB"), "count"),
     "PSI": "psi",
     "BAR": "bar",
     "millis": "ms",
@@ -73,6 +72,8 @@ _UNITS: Final[Mapping[str, str]] = {
     "minutes": "min",
     "hours": "h",
 }
+#: readings of a converter or an encoder: units in brackets alone, elsewhere they are words of a name
+_COUNTS: Final = frozenset(("ticks", "tick", "raw", "digits", "LSB"))
 #: names with the same meaning in every file, ignoring case
 SPECIAL: Final = ("time", "record", "date")
 #: names of time columns in other programs and languages, as `_key` returns them
@@ -81,7 +82,6 @@ _TIMES: Final = frozenset(
         "time t seconds secs sec millis milliseconds msec micros microseconds elapsed elapsed_time "
         "time_elapsed elapsed_seconds clock clock_time time_of_day timestamp time_stamp datetime date_time "
         "date_and_time relative_time rel_time absolute_time abs_time run_time runtime sample_time "
-        "x_value x_axis x_wert "
         "measurement_time rec_time "
         "zeit uhrzeit zeitpunkt zeitstempel datum_zeit datum_uhrzeit messzeit laufzeit sekunden "
         "tiempo hora fecha_hora fecha_y_hora marca_de_tiempo segundos "
@@ -90,6 +90,8 @@ _TIMES: Final = frozenset(
         "\u0432\u0440\u0435\u043c\u044f \u65f6\u95f4 \u6642\u9593 \u6642\u523b"
     ).split()
 )
+#: names of the first column of a chart's data, which is the time if nothing says otherwise
+_FIRST_AXES: Final = ("x_value", "x_axis", "x_wert")
 #: time columns whose name is a unit of them
 _NAMED_UNITS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("seconds", "secs", "sec", "elapsed_seconds", "sekunden", "segundos"), "s"),
@@ -124,7 +126,9 @@ _NAMED_AS_UNIT: Final[Mapping[str, str]] = {
 }
 _ENDING: Final = re.compile(r"(?P<name>.*[^\s_])[ _](?P<unit>[A-Za-z%]+)")
 #: what ends in A in amperes; otherwise that is a place: 'Channel A', 'pressure A'
-_CURRENTS: Final = ("i", "current", "curr", "strom", "courant", "corriente", "corrente", "amp")
+_CURRENTS: Final = re.compile(r"(.*(current|strom|courant|corriente|corrente)|curr|amps?)\d*")
+#: the same, as the first word: i, ia, iq, i1, imot; but 'In A' and 'it A' are other words
+_CURRENT_FIRST: Final = re.compile(r"i(?!n$|t$)([a-z]|mot|arm|rms|dc|bus|bat)?\d*")
 #: words in the name of a rotating quantity
 _TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
 #: Greek letters in names of quantities
@@ -167,12 +171,14 @@ def split_heading(text: str) -> tuple[str, str | None]:
 def unit_of(written: object) -> str | None:
     """Return the unit of a column under our name; None if the file has none."""
     text = str(written).strip() if written is not None else ""
-    return _UNITS.get(text, text) or None
+    return "count" if text in _COUNTS else _UNITS.get(text, text) or None
 
 
 def is_unit(written: str) -> bool:
     """Return whether a text is a unit and cannot be anything else, such as a plain number."""
     text = unit_of(written)
+    if written.strip() in _COUNTS:
+        return False
     if text is None or text.strip().isdigit():
         return written.strip() == "1"
     try:
@@ -193,24 +199,25 @@ def folded(name: str) -> str:
     return re.sub(r"[\s_-]+", "_", name.strip()).casefold()
 
 
-def split_ending(name: str) -> tuple[str, str | None]:
+def split_ending(name: str, *, is_current: bool = False) -> tuple[str, str | None]:
     """Split ``speed_rpm`` into a name and its unit, None for a name that does not end in a unit.
 
-    ``rpm`` and ``volts`` are a name and a unit at once.
+    ``rpm`` and ``volts`` are a name and a unit at once. A final ``A`` is a place, as in ``pressure_A``,
+    unless the name says, or the caller knows (`is_current`), that it is a current.
     """
     if own := _NAMED_AS_UNIT.get(name.strip().casefold()):
         return name, own
     match = _ENDING.fullmatch(name.strip())
     if match is None or match["unit"] not in _ENDINGS:
         return name, None
-    if match["unit"] == "A" and not _is_current(match["name"]):
+    if match["unit"] == "A" and not (is_current or _is_current(match["name"])):
         return name, None
     return match["name"], unit_of(match["unit"])
 
 
 def _is_current(name: str) -> bool:
     words = folded(name).split("_")
-    return words[0] in ("i", "ia", "im") or any(word in one for word in _CURRENTS[1:] for one in words)
+    return bool(_CURRENT_FIRST.fullmatch(words[0])) or any(_CURRENTS.fullmatch(word) for word in words)
 
 
 def counts_rows(name: str, values: NDArray[np.float64]) -> bool:
@@ -249,6 +256,18 @@ def counts_turns(name: str, unit: str) -> bool:
     per_minute = parsed.dimension == minute.dimension and parsed.factor == minute.factor
     turning = any(word in name.casefold() for word in _TURNING)
     return per_minute and turning and not is_speed_of_rotation(unit)
+
+
+def is_first_axis(names: Sequence[str], unit: str | None) -> bool:
+    """Return whether the first of all columns is the time as the horizontal axis of a chart: ``X_Value``.
+
+    Beside a ``y`` or a ``z`` it is a position or the abscissa of a scan, unless its unit is one of time.
+    """
+    keys = [_key(name) for name in names]
+    if keys[0] not in _FIRST_AXES or (unit is not None and not _is_of_time(unit)):
+        return False
+    others = {f"{letter}{keys[0][1:]}" for letter in "yz"}
+    return unit is not None or others.isdisjoint(keys)
 
 
 def is_date(name: str, beside: str) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from rigctl.dataset.importing.headings import is_unit, unit_of
+from rigctl.dataset.importing.headings import is_first_axis, is_unit, time_unit, unit_of
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import looks_numeric
 from rigctl.errors import Location, RigctlError
@@ -132,9 +132,19 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
 
 
 def _names_above_units(row: Row, below: Row) -> bool:
-    """Return whether some names are numbers, as those of an oscilloscope's channels: ``x-axis,1,2``."""
-    same = len(row.filled) == len(row.cells) == len(below.cells)
-    return same and not is_data(row) and all(is_unit(cell) for cell in below.filled)
+    """Return whether some names are numbers, as those of an oscilloscope's channels: ``x-axis,1,2``.
+
+    The first column is the time, in a unit of time: ``Interval,0.1,s`` above ``t,V,A`` is a setting, and the
+    row below it has the names.
+    """
+    first, *others = row.filled
+    if not len(row.filled) == len(row.cells) == len(below.filled) or not others:
+        return False
+    is_time = time_unit(first, None)[0] or is_first_axis(row.filled, None)
+    named = all(cell.isdigit() or not (is_unit(cell) or looks_numeric(cell)) for cell in others)
+    units = [_unit(cell) for cell in below.filled]
+    seconds = units[0] is not None and units[0].dimension == parse_unit("s").dimension
+    return is_time and named and seconds and None not in units
 
 
 def repeats_units(upper: Row, lower: Row) -> bool:

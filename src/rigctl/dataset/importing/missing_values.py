@@ -69,9 +69,9 @@ NO_NUMBER: Final = (
 
 def is_comment(cells: Sequence[str]) -> bool:
     """Return whether a row is a comment: it begins with ``#``, which is not that of a value such as ``#N/A``
-    or the name of a column that counts the rows, or as MATLAB's with ``%`` and a space.
+    or the name of a column that counts the rows.
+
+    Whether ``%`` begins a comment, as MATLAB's, is judged with the rows around it: it is a unit as well.
     """
     first = cells[0].strip() if cells else ""
-    if first == "%" or first.startswith(("% ", "%%")):
-        return True
     return first.startswith("#") and first not in NO_VALUE and not (first == "#" and len(cells) > 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from rigctl.dataset.importing.headings import folded, is_date, split_heading, time_unit
+from rigctl.dataset.importing.headings import folded, is_date, is_first_axis, split_heading, time_unit
 from rigctl.dataset.importing.options import Options
 
 
@@ -26,6 +26,13 @@ def with_time_column(headings: Iterable[tuple[str, str | None]], options: Option
     own = {folded(name) for name in options.own}
     free = [pair for pair in columns if pair[0] not in options.columns and folded(pair[0]) not in own]
     found = next(((name, unit) for name, unit in free if time_unit(name, unit)[0]), None)
+    if (
+        found is None
+        and columns
+        and columns[0] in free
+        and is_first_axis([n for n, _ in columns], columns[0][1])
+    ):
+        found = columns[0]
     if found is None:
         return options
     time, written = found
