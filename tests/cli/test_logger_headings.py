@@ -156,3 +156,19 @@ def test_the_last_line_of_readme_gives_a_verdict(lab: Path, name: str) -> None:
         told(*words)
     done = answer(*diagnose)
     assert done["verdict"] in ("adequate", "missing_effect", "ambiguous", "undecided", "outside_library")
+
+
+def test_the_command_that_asks_for_units_can_be_typed_whatever_the_names(
+    lab: Path, without_fit: None
+) -> None:
+    (lab / "log.csv").write_text(
+        LOGS["plain names"].text.replace("time,voltage,speed", "time,$U,speed"), encoding="utf-8"
+    )
+    draft = ["family", "new", "my motor", *own_bench_lines()[0][3:]]
+    message = refusal(*draft, "--template", "motor")
+    assert "--template None" not in message
+    command = message.partition("for UNIT: rigctl ")[2].partition("; or leave out")[0]
+    words = shlex.split(command.replace("=UNIT", "=V", 1).replace("=UNIT", "=rpm"))
+    assert words[2] == "my motor"
+    assert "$U=V" in words
+    told(*words)
