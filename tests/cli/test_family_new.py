@@ -215,6 +215,7 @@ def test_errors_of_a_temperature_are_in_kelvin_on_every_scale(empty: Path) -> No
         (["x", "--csv", "c.csv", "--unit", "flwo=V"], "did you mean 'flow'"),
         (["heater_board", "--template", "heater"], "there is a model family of this name already"),
         (["9", "--template", "heater"], "not a valid name for a family"),
+        (["Con", "--template", "heater"], "a device on Windows has this name"),
     ],
 )
 def test_mistakes_are_reported_and_no_family_is_written(empty: Path, arguments: list[str], said: str) -> None:

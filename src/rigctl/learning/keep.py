@@ -99,7 +99,9 @@ class Kept:
         try:
             folder.mkdir(parents=True)
         except OSError as problem:
-            raise RigctlError("the folder cannot be made", value=str(folder), hint=str(problem)) from problem
+            raise RigctlError(
+                "the folder cannot be made", value=folder.as_posix(), hint=str(problem)
+            ) from problem
         record = cls(folder, task)
         record.write()
         return record
@@ -130,7 +132,7 @@ class Kept:
         raise RigctlError(
             "there is nothing to continue",
             hint="'rigctl learn PROCEDURE --model M' starts learning",
-            value=str(project),
+            value=project.as_posix(),
         )
 
     @classmethod
@@ -144,7 +146,7 @@ class Kept:
             return cls(folder, Task.read(document["task"]), rounds, document["learned"])
         except (OSError, ValueError, KeyError, TypeError) as problem:
             raise RigctlError(
-                "the learning session cannot be read", value=str(path), hint=str(problem)
+                "the learning session cannot be read", value=path.as_posix(), hint=str(problem)
             ) from problem
 
     def write(self) -> None:
@@ -164,7 +166,7 @@ class Kept:
         if text:
             path = self.folder / f"{next_free(f'round-{one.number}', self.folder, '.yaml')}.yaml"
             write_new(path, text.encode("utf-8"))
-            one = replace(one, procedure=str(path))
+            one = replace(one, procedure=path.as_posix())
         self.rounds.append(one)
         self.write()
         return one

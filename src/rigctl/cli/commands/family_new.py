@@ -169,8 +169,11 @@ def _name(written: str) -> str:
         raise RigctlError(
             "not a valid name for a family", value=written, expected="a letter, then letters, digits and _"
         )
+    from rigctl.files.reserved_names import is_reserved
     from rigctl.physics.families import FAMILIES
 
+    if is_reserved(name):  # on every system: a project is shared
+        raise RigctlError("a device on Windows has this name", value=name, expected="another name")
     if name in FAMILIES:
         raise RigctlError("there is a model family of this name already", value=name, expected="another name")
     return name
@@ -329,7 +332,7 @@ def _document(
             for column in proposal.table.columns
         ],
         "fit": None if tried is None else tried.document(),
-        "plot": None if tried is None or tried.plot is None else str(tried.plot),
+        "plot": None if tried is None or tried.plot is None else tried.plot.as_posix(),
         "other": None
         if other is None
         else f"rigctl family new {proposal.name}_{other.replace('-', '_')} {again} --template {other}",

@@ -139,7 +139,11 @@ def init(
 
     written = create_project(directory, minimal=minimal)
     if as_json:
-        echo_json(json.dumps({"project": str(directory.resolve()), "files": [str(p) for p in written]}))
+        echo_json(
+            json.dumps(
+                {"project": directory.resolve().as_posix(), "files": [path.as_posix() for path in written]}
+            )
+        )
         return
     for path in written:
         echo(f"  {path.as_posix()}")
