@@ -26,7 +26,7 @@ def agreeing_beyond(before: ModelComparison) -> ModelComparison | None:
     if before.adequate or not before.bounded:
         return None
     with suppress(RigctlError):  # the model cannot be simulated there
-        beyond = judge(_fitted_beyond(before.fit), before.name, excluded=before.excluded)
+        beyond = judge(_fitted_beyond(before.fit), before.name, excluded=before.excluded, sensors=False)
         return beyond if beyond.adequacy.agrees else None
     return None
 

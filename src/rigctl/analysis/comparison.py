@@ -105,6 +105,7 @@ def judge(
     name: str,
     *,
     excluded: Collection[str] = (),
+    sensors: bool = True,
     on_progress: OnProgress | None = None,
 ) -> ModelComparison:
     """Test a fitted model; where its errors lie is computed when it is first looked at.
@@ -112,9 +113,10 @@ def judge(
     Parameters
     ----------
     excluded: effects of the library that are not to be considered.
+    sensors: try whether errors of sensors explain what is left; in a search for effects that was done before.
     """
     compared = _tested(fitted, name, excluded, on_progress)
-    return _with_sensors_in_question(compared, on_progress)
+    return _with_sensors_in_question(compared, on_progress) if sensors else compared
 
 
 def _tested(
@@ -153,22 +155,20 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
 
     Where calibrations with errors of a stated kind are in the fit already, it is repeated without them. Where
     only an uncertainty is stated, sensors were exact: if the model does not agree, it is repeated with errors
-    of each, and that comparison is the answer if it explains what was left.
+    of each, and that comparison is the answer if they explain what was left within what is stated. If they
+    would have to be larger, it is kept beside it as `misread`.
     """
     fitted, tests = compared.fit, compared.adequacy
     uncertain = fitted.problem.measurements.possible_errors
     if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
-        compared = _as_exact(compared)
-        if wrong is not None and wrong.adequacy.agrees:
-            return replace(wrong, exact=compared)
         if wrong is not None:
-            return replace(compared, misread=replace(wrong, exact=compared))
+            return wrong if wrong.adequacy.agrees else replace(compared, misread=wrong)
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {compared.name} as if every sensor were exact")
         with suppress(RigctlError):  # it cannot be simulated without these errors: nothing to compare with
-            exact = _tested(_with_reading_errors(fitted, ()), compared.name, compared.excluded, on_progress)
+            exact = _as_exact(compared, on_progress)
             if exact.adequacy.verdict is False:
                 return replace(compared, exact=exact)
     return compared
@@ -185,14 +185,17 @@ def _if_sensors_may_be_wrong(
     what is stated, so that an error beyond it is an answer only where no effect explains as much.
     """
     name, measurements = compared.name, compared.fit.problem.measurements
-    (on_progress or no_progress)(f"Fitting {name} as if sensors were wrong within their calibrations")
+    (on_progress or no_progress)(f"Fitting {name} as if sensors might be wrong")
     errors = (*measurements.reading_errors, *measurements.possible_errors)
     try:
         wrong = _tested(_with_reading_errors(compared.fit, errors), name, compared.excluded, on_progress)
+        exact = _as_exact(compared, on_progress)
     except RigctlError:  # it cannot be simulated with them: nothing to compare with
         return None
     tests = wrong.adequacy
-    return wrong if (tests.agrees or tests.only_misread) and _by_sensors(compared, wrong) else None
+    if not (tests.agrees or tests.only_misread) or not _by_sensors(compared, wrong):
+        return None
+    return replace(wrong, exact=exact)
 
 
 def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:
@@ -209,11 +212,17 @@ def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:
     )
 
 
-def _as_exact(compared: ModelComparison) -> ModelComparison:
-    """The comparison, of which no search fits its sensors again."""
-    problem = compared.fit.problem
-    measurements = replace(problem.measurements, possible_errors=())
-    return replace(compared, fit=replace(compared.fit, problem=replace(problem, measurements=measurements)))
+def _as_exact(compared: ModelComparison, on_progress: OnProgress | None) -> ModelComparison:
+    """The comparison in which every sensor is exact: itself, unless errors of a stated kind are in its fit.
+
+    Raises
+    ------
+    RigctlError
+        the model cannot be simulated without these errors.
+    """
+    if not compared.fit.problem.measurements.reading_errors:
+        return compared
+    return _tested(_with_reading_errors(compared.fit, ()), compared.name, compared.excluded, on_progress)
 
 
 def _with_reading_errors(fitted: FitResult, errors: tuple[ReadingError, ...]) -> FitResult:

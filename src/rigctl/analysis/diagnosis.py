@@ -113,7 +113,7 @@ def diagnose_comparison(
     if beyond is not None:
         return _undecided_by_bound(before, beyond, runs, held_out, notes)
     search, found = _searched(before, most, on_progress or no_progress)
-    if before.misread is not None and not search.at(found).adequacy.agrees:
+    if before.misread is not None and not _explained(search, found):
         return diagnose_comparison(
             before.misread,
             runs,
@@ -171,6 +171,11 @@ def diagnose_comparison(
         return diagnosis
     outside = judgement.of_set is Verdict.OUTSIDE_LIBRARY
     return replace(diagnosis, laws=_laws_instead(search) if outside else judgement.every_law.of())
+
+
+def _explained(search: Search, found: RefittedSet) -> bool:
+    """Whether nothing is left, with what was found or within the tolerance of the model's own laws."""
+    return agrees_within_tolerance(search) or search.at(found).adequacy.agrees
 
 
 def _unproven_after(search: Search, best: RefittedSet) -> tuple[str, ...]:
@@ -273,7 +278,19 @@ def _evidence(judgement: Judgement, ranking: Sequence[Ranked]) -> list[str]:
         evidence += judgement.answer.alone_text(judgement.levels)
         evidence += [one.statement for one in judgement.levels if one.statement]
         evidence += [one.statement for one in judgement.scatters if one.statement and not one.follows]
+        evidence += _misread_text(judgement)
     return evidence
+
+
+def _misread_text(judgement: Judgement) -> list[str]:
+    """That sensors would explain the same if they were wrong by more than is stated; [] if they would not."""
+    misread = judgement.search.before.misread
+    if misread is None or misread.sensors is None:
+        return []
+    return [
+        f"against {' and '.join(judgement.best.effects)}: the model would agree without it if "
+        f"{misread.sensors.explanation}, which is more than its calibration allows"
+    ]
 
 
 def _members(best: RefittedSet, ranking: Sequence[Ranked]) -> list[tuple[Candidate, Ranked]]:

@@ -278,7 +278,7 @@ class Diagnosis:
             return f"{len(self.effects)} effects are missing"
         if self.doubt or self.verdict is Verdict.UNDECIDED:
             return "Not decided"
-        if self.before.adequacy.only_misread:
+        if self.before.adequacy.only_misread and not self.effects:
             exact = self.with_exact_sensors
             return "A sensor reads wrongly" + (", or an effect is missing" if exact and exact.effects else "")
         if self.before.explained_by and self.verdict is Verdict.ADEQUATE:

@@ -65,7 +65,7 @@ def _group(
     plain = HeldOutGroup(why, condition, _what(records, inside, units), result, model.fit.errors)
     if plain.as_good:
         return _stated(plain)
-    judged = judge(result, model.name, excluded=model.excluded)
+    judged = judge(result, model.name, excluded=model.excluded, sensors=False)
     wanted = [slot for slot in judged.slots[:1] if slot.log_evidence > 0.0]
     detailed = replace(
         plain,

@@ -118,6 +118,8 @@ class Improvement:
         """One sentence: the effects added, and why the loop ended."""
         names = [name for step in self.steps for name in step.effects]
         added = f"added {', '.join(names)}" if names else "added nothing"
+        if self.last.before.explained_by and not self.last.effects:
+            return f"{added}: {self.last.statement}"
         agrees = f"the model {'now ' if names else ''}agrees with the measurements within their noise"
         if not self.last.before.adequate:
             agrees = (

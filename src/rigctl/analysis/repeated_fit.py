@@ -54,7 +54,7 @@ def in_scale_of(
     )
     if learned is None or not (larger or _smaller(noise, learned)):
         return None
-    return judge(fit_in_noise(before.fit, learned), before.name, excluded=before.excluded)
+    return judge(fit_in_noise(before.fit, learned), before.name, excluded=before.excluded, sensors=False)
 
 
 def _smaller(noise: DataNoise, learned: DataNoise) -> bool:
@@ -85,7 +85,7 @@ def from_another_start(search: Search) -> ModelComparison | None:
         return None
     if 2.0 * _cost(judged) > base.chi2 - UNSEEN:
         return None
-    return judge(judged, before.name, excluded=before.excluded)
+    return judge(judged, before.name, excluded=before.excluded, sensors=False)
 
 
 def _near_null(trial: RefittedSet) -> bool:

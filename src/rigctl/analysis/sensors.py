@@ -233,7 +233,8 @@ def _misreading(
     shape = shapes[:, worst]
     prior = np.array([errors[k].std for k in at])
     std = math.sqrt(max(0.0, float(shape @ covariance[np.ix_(at, at)] @ shape)))
-    stated = errors[at[0]].whole or 2.0 * float(np.linalg.norm(shape * prior))
+    # parts may come from one number, as zero and gain from a relative gain: at most they add up
+    stated = errors[at[0]].whole or 2.0 * float(np.abs(shape) @ prior)
     error, value = float(curve[worst]), float(readings[worst])
     beyond = abs(error) > max(_BEYOND * stated, stated + std)
     rig = fit.problem.measurements.rig

@@ -14,7 +14,7 @@ from rigctl.design.information import Evidence, Refit
 from rigctl.design.information_so_far import Known
 from rigctl.design.power import Gain, gain
 from rigctl.design.refitted_gain import refitted_gains
-from rigctl.design.result import PredictedPower
+from rigctl.design.result import NONE, PredictedPower
 from rigctl.design.rivals import Rival
 from rigctl.design.search import Proposal, Workshop, together
 from rigctl.design.virtual_records import Outlines
@@ -97,7 +97,7 @@ class Draws:
         sigma, times = self.workshop.scene(proposal).sigma, proposal.record.times
         channels = self.rivals[0].fit.problem.measurements.outputs
         for index, rival in enumerate(self.rivals):
-            if rival.weight < _COUNTS:
+            if rival.weight < _COUNTS and rival.name != NONE:  # the model as it is always counts
                 continue
             for outputs in self.outputs(index, proposal):
                 if not np.isfinite(outputs).all():

@@ -234,6 +234,8 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
     rivals = _weighed(candidates)
     if len(rivals) < 2 or not names:
         raise nothing_left(diagnosis)
+    if diagnosis.instead_of_sensors:
+        rivals = _effects_first(rivals)
     open_names = {*names} | ({NONE} if diagnosis.verdict is not Verdict.AMBIGUOUS else set())
     pairs = [
         (i, j)
@@ -360,6 +362,16 @@ def _weighed(candidates: Sequence[Rival], least: float = 0.0) -> tuple[Rival, ..
     likeliest = sorted(weighted, key=lambda one: (-one.weight, one.name))[:MOST_RIVALS]
     total = sum(one.weight for one in likeliest)
     return tuple(replace(one, weight=one.weight / total) for one in likeliest)
+
+
+def _effects_first(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+    """With the probabilities of the effects among themselves: that of a wrong sensor is stated, not found."""
+    effects = [one for one in rivals if one.name != NONE]
+    total = sum(one.weight for one in effects)
+    return (
+        *(replace(one, weight=one.weight / total) for one in effects),
+        *(replace(one, weight=0.0) for one in rivals if one.name == NONE),
+    )
 
 
 def _candidates(before: ModelComparison) -> tuple[Candidate, ...]:

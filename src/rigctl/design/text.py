@@ -136,8 +136,9 @@ def header(design: DesignResult) -> list[str]:
 
 def outlook_text(one: PredictedPower) -> str:
     """The prediction for one pair."""
+    rival = "the model without an effect" if one.rival == NONE else one.rival
     return (
-        f"If {one.truth} is right, it is distinguished from {one.rival} with a probability of "
+        f"If {one.truth} is right, it is distinguished from {rival} with a probability of "
         f"{share(one.after)}: expected gain D = {significant(one.separation, 3)} "
         f"± {significant(one.spread, 2)}."
     )

@@ -1,7 +1,8 @@
 """When is a search for a formula worthwhile? If something is missing and no effect is certain to be it.
 
-The gate is closed if the model agrees, if these data cannot tell, if the library has an answer, or if records
-of one condition differ from each other, which no term of the model's variables explains.
+The gate is closed if the model agrees, if these data cannot tell, if a sensor reads wrongly, if the library
+has an answer, or if records of one condition differ from each other, which no term of the model's variables
+explains.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ class Gate:
 
     Attributes
     ----------
-    reason: ``outside_library`` if it is open; ``adequate``, ``undecided``, ``library`` or ``replicates``.
+    reason: ``outside_library`` if it is open; ``adequate``, ``undecided``, ``sensor``, ``library`` or
+        ``replicates``.
     statement: in words.
     """
 
@@ -38,13 +40,18 @@ class Gate:
         return {"open": self.open, "reason": self.reason, "statement": self.statement}
 
 
+_OPEN = Gate(
+    True,
+    "outside_library",
+    "Something is missing, and no effect of the library explains it with certainty, in any shape of its law",
+)
+
+
 def gate_of(diagnosis: Diagnosis) -> Gate:
     """The gate of a diagnosed model."""
     before = diagnosis.before
     if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
-        if before.adequacy.below_noise:
-            return Gate(False, "undecided", f"No search was made: {before.statement}")
-        return Gate(False, "adequate", f"There is nothing to discover: {diagnosis.statement}")
+        return _of_agreement(diagnosis)
     if diagnosis.doubt:
         return Gate(
             False,
@@ -52,19 +59,22 @@ def gate_of(diagnosis: Diagnosis) -> Gate:
             f"No search was made, because these data cannot tell whether anything is missing: "
             f"{diagnosis.doubt}",
         )
+    if before.adequacy.only_misread and not diagnosis.effects:
+        return Gate(False, "sensor", f"No search was made: {diagnosis.statement}")
     if diagnosis.verdict is Verdict.MISSING_EFFECT or (
         diagnosis.verdict is Verdict.AMBIGUOUS and (diagnosis.indistinguishable or _sure(diagnosis))
     ):
         return Gate(False, "library", _library(diagnosis))
-    differ = _replicates_differ(before)
-    if differ:
+    if differ := _replicates_differ(before):
         return Gate(False, "replicates", differ)
-    return Gate(
-        True,
-        "outside_library",
-        "Something is missing, and no effect of the library explains it with certainty, in any shape of its "
-        "law",
-    )
+    return _OPEN
+
+
+def _of_agreement(diagnosis: Diagnosis) -> Gate:
+    before = diagnosis.before
+    if before.adequacy.below_noise:
+        return Gate(False, "undecided", f"No search was made: {before.statement}")
+    return Gate(False, "adequate", f"There is nothing to discover: {diagnosis.statement}")
 
 
 def _sure(diagnosis: Diagnosis) -> bool:

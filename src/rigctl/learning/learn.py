@@ -135,7 +135,7 @@ class Learner:
             current,
             verdict=first.verdict.value,
             effects=first.effects,
-            classes=first.classes,
+            classes=first.classes or ((first.instead_of_sensors,) if first.instead_of_sensors else ()),
             probabilities={one.effect: one.probability for one in first.ranking if one.probability > 1e-3},
             added=self._added(path),
             error={name: error.nrmse for name, error in now.errors.items()},
@@ -233,9 +233,7 @@ class Learner:
 
     def _settled(self, judged: Round, last: Diagnosis) -> Learned | None:
         """How learning ended if no further record is worthwhile."""
-        if last.instead_of_sensors:
-            return None  # records may tell an effect from an error of a sensor
-        if last.verdict is Verdict.ADEQUATE and not last.doubt:
+        if _adequate_alone(last) and not last.doubt:
             vague = bool(self._to_be_sized(last))
             return None if vague else self._ended(LearningEnd.ADEQUATE, last.statement)
         if last.doubt:
@@ -244,6 +242,8 @@ class Learner:
             )
         if judged.achieved is not None and not judged.achieved.kept:
             return self._ended(LearningEnd.OUTSIDE_LIBRARY, judged.achieved.statement)
+        if last.instead_of_sensors:
+            return None  # records may tell an effect from an error of a sensor
         if gate_of(last).open and not self._may_yet_predict(last):
             return self._ended(LearningEnd.OUTSIDE_LIBRARY, last.statement)
         return None

@@ -106,7 +106,7 @@ def _scores(diagnosis: Diagnosis) -> Mapping[str, float]:
 
 def _winner(predicted: PredictedRound, diagnosis: Diagnosis, scores: Mapping[str, float]) -> str:
     """The rival that the diagnosis names now; "" if it names none of them."""
-    if diagnosis.verdict is Verdict.ADEQUATE and NONE in predicted.rivals:
+    if NONE in predicted.rivals and (diagnosis.verdict is Verdict.ADEQUATE or diagnosis.instead_of_sensors):
         return NONE
     if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
         return ""
@@ -116,6 +116,8 @@ def _winner(predicted: PredictedRound, diagnosis: Diagnosis, scores: Mapping[str
 
 def _distinguished(winner: str, predicted: PredictedRound, diagnosis: Diagnosis) -> bool:
     """Whether no other rival shares a class with the winner."""
+    if winner == NONE and diagnosis.instead_of_sensors:
+        return False  # a sensor or an effect, still
     others = set(predicted.rivals) - {winner}
     return not any(winner in names and others & set(names) for names in diagnosis.classes)
 
@@ -124,7 +126,7 @@ def _statement(
     winner: str, gains: Mapping[str, float], expected: Mapping[str, float], distinguished: bool
 ) -> str:
     how = "is distinguished" if distinguished else "is not distinguished"
-    text = f"{winner} {how}"
+    text = f"{'the model without an effect' if winner == NONE else winner} {how}"
     if not gains:
         return text
     rival = min(gains, key=lambda name: gains[name])

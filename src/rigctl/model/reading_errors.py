@@ -54,7 +54,7 @@ class ReadingError:
     runs: those recorded under this calibration; empty for all.
     number: of the calibration, from 1, where a channel has more than one.
     latest: it is the last one, under which further records would be made.
-    whole: the uncertainty of a reading, 95 %, SI, if the rig file states that and not only its parts; else 0.
+    whole: the uncertainty of a reading, 95 %, SI, if the rig file states no part of it; else 0.
     known: the rig file says that this part may be wrong; else only that the calibration may be.
     """
 
@@ -146,7 +146,7 @@ def reading_errors(
                     runs,
                     number,
                     last,
-                    channel.uncertainty,
+                    0.0 if channel.calibration.states_parts else channel.uncertainty,
                     known,
                 )
                 for part, size in channel.reading_uncertainty(middle, half).items()

@@ -127,7 +127,8 @@ def together(entries: Sequence[Entry]) -> Entry:
 def _diagnosed(plan: Plan, entry: Entry) -> Diagnosis:
     free = replace(plan, freed=(*plan.freed, *plan.held), held=())
     problem, data = problem_of(free, entry)
-    before = compared(fit_problem(problem, data.noise), plan.model.name)
+    # a calibration is the same before and after: it does not explain a change
+    before = compared(fit_problem(problem, data.noise), plan.model.name, sensors=False)
     return diagnose_comparison(before, data.measurements.runs)
 
 

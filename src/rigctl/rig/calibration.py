@@ -83,9 +83,14 @@ class Calibration(Part):
             return None
 
     @property
+    def states_parts(self) -> bool:
+        """Whether the file states the uncertainty of its zero, gain or linearity."""
+        return any(one is not None for one in (self.zero, self.gain, self.linearity))
+
+    @property
     def known_parts(self) -> bool:
         """Whether the file says in what the calibration may be wrong: its kind, or its parts."""
-        return any(one is not None for one in (self.kind, self.zero, self.gain, self.linearity))
+        return self.kind is not None or self.states_parts
 
     def parts(self, origin: float, middle: float, half: float, whole: float) -> dict[str, float]:
         """Return the uncertainty, 95 %, SI, of zero, gain and curvature, each by its largest error.

@@ -252,7 +252,7 @@ def _lead_on(
     elif diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:
         command = page_of("compare", runs, model, choice)
         show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")
-    elif diagnosis.before.explained_by:
+    elif diagnosis.before.explained_by and not diagnosis.effects:
         page = page_of("diagnose", runs, model, choice, *limit, *shown)
         _tell_sensor_from_effect(diagnosis, analysis("design", runs, model, choice), page)
     elif diagnosis.verdict is Verdict.ADEQUATE:
@@ -284,11 +284,11 @@ def _tell_sensor_from_effect(diagnosis: Diagnosis, design: str, page: str) -> No
     from rigctl.command_line import command
 
     sensors, rig = diagnosis.before.sensors, diagnosis.before.fit.problem.measurements.rig
-    if diagnosis.before.adequacy.only_misread and sensors is not None and rig is not None:
+    if diagnosis.instead_of_sensors:
+        show_next(f"{design} -o next.yaml", "designs the records that would tell an effect from a sensor")
+    elif diagnosis.before.adequacy.only_misread and sensors is not None and rig is not None:
         of_rig = ["--rig", rig.path.as_posix()] if rig.path else []
         show_next(command(["calibrate", sensors.beyond[0].channel, *of_rig]), "calibrates the sensor again")
-    elif diagnosis.instead_of_sensors:
-        show_next(f"{design} -o next.yaml", "designs the records that would tell an effect from a sensor")
     else:
         show_next(page, "writes a page; a better calibration would tell the sensor from the model")
 

@@ -28,7 +28,8 @@ def show_design(result: DesignResult, *, verbose: bool = False) -> None:
         return
     good = result.separable or (result.aim == "precision" and bool(result.records))
     named = dict(result.explanations.values())
-    facts = [("rivals", ", ".join(f"{name} {100.0 * weight:.1f} %" for name, weight in named.items()))]
+    rivals = [f"{name} {100.0 * weight:.1f} %" if weight else name for name, weight in named.items()]
+    facts = [("rivals", ", ".join(rivals))]
     facts += [(f"record {number}", _in_words(one)) for number, one in enumerate(result.records, start=1)]
     probable = {one.name for one in result.rivals if one.weight > 1.0 / ODDS}
     alike = {

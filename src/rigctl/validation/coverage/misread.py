@@ -12,11 +12,15 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from rigctl.units import parse_unit
 from rigctl.validation.benches.bench import Floats
 from rigctl.validation.moving_benches.campaign import MovingCampaign
 
 Kind: TypeAlias = Literal["point", "line", "data_sheet"]
 KINDS: Final[tuple[Kind, ...]] = ("point", "line", "data_sheet")
+#: what a user writes: each part, or the uncertainty of a reading with its kind or alone
+Written: TypeAlias = Literal["parts", "kind", "uncertainty"]
+WRITTEN: Final[tuple[Written, ...]] = ("parts", "kind", "uncertainty")
 
 #: least and greatest uncertainty of a calibration, 95 %, as a share of the span of the readings
 _LEAST, _GREATEST = 0.002, 0.02
@@ -35,14 +39,13 @@ class Misread:
     ----------
     campaign: the record with right sensors.
     kind: which of these errors there are.
-    parts: each of them is stated; else the uncertainty of a reading and the kind, and the errors together are
-        as large as that.
+    written: what is stated of them. Unless it is the parts, the errors together are as large as that.
     assumed: one number of the model is a guess.
     """
 
     campaign: MovingCampaign
     kind: Kind
-    parts: bool
+    written: Written
     assumed: bool
 
     @cached_property
@@ -63,7 +66,10 @@ class Misread:
     def guess(self) -> str:
         """The parameter that is a guess; "" for none."""
         drawn = self.campaign.twin.drawn
-        return drawn[self.campaign.seed % len(drawn)].parameter if self.assumed and len(drawn) > 1 else ""
+        if not self.assumed or len(drawn) < 2:  # without another number there would be nothing to fit
+            return ""
+        rng = np.random.default_rng(np.random.SeedSequence(self.campaign.seed, spawn_key=(13,)))
+        return drawn[int(rng.integers(len(drawn)))].parameter
 
     @cached_property
     def _count(self) -> int:
@@ -73,14 +79,15 @@ class Misread:
         """The columns of a log as these sensors read them."""
         truth = self.campaign.readings(0.0)
         rng = np.random.default_rng(np.random.SeedSequence(self.campaign.seed, spawn_key=(12,)))
-        together = 1.0 if self.parts else 1.0 / math.sqrt(self._count)
+        together = 1.0 if self.written == "parts" else 1.0 / math.sqrt(self._count)
         errors = {}
         for name, stated in self.stated.items():
             low, high = float(truth[name].min()), float(truth[name].max())
             values = np.asarray(table[name])
             x = (2.0 * values - low - high) / (high - low)
             most = max(abs(low), abs(high))
-            shapes = (np.ones_like(x), values / most if self.parts else x, 2.0 * x * x - 1.0)
+            gain = values / most if self.written == "parts" else x
+            shapes = (np.ones_like(x), gain, 1.5 * x * x - 0.5)
             sizes = 0.5 * together * stated * rng.standard_normal(3)
             errors[name] = sum(s * b for s, b in zip(sizes[: self._count], shapes, strict=False))
         return {name: values + errors.get(name, 0.0) for name, values in table.items()}
@@ -101,8 +108,9 @@ class Misread:
     def _said(self, name: str, stated: float) -> str:
         """The uncertainty of a channel as a user writes it."""
         unit = self.campaign.twin.bench.columns[name].replace("degC", "K")
-        if not self.parts:
-            return f"uncertainty: {stated:g} {unit}, kind: {self.kind}"
+        if self.written != "parts":
+            kind = f", kind: {self.kind}" if self.written == "kind" else ""
+            return f"uncertainty: {stated:g} {unit}{kind}"
         most = float(np.abs(self.campaign.readings(0.0)[name]).max())
         parts = (
             f"zero: {stated:g} {unit}",
@@ -112,11 +120,13 @@ class Misread:
         return ", ".join(parts[: self._count])
 
     def _with_guess(self, text: str) -> str:
-        spread = {one.parameter: one.spread for one in self.campaign.twin.drawn}[self.guess]
+        drawn = {one.parameter: one for one in self.campaign.twin.drawn}[self.guess]
 
         def assumed(line: re.Match[str]) -> str:
             value, unit = float(line["value"]), line["unit"]
-            ends = ", ".join(f"{value * (1.0 + sign * _WIDE * spread):.6g} {unit}" for sign in (-1.0, 1.0))
+            nominal = drawn.si * drawn.nominal / parse_unit(unit).factor  # which the file may round
+            reach = _WIDE * drawn.spread * nominal + abs(value - nominal)
+            ends = ", ".join(f"{value + sign * reach:.6g} {unit}" for sign in (-1.0, 1.0))
             return f"{line['begin']}{line['value']} {unit}, standing: assumed, range: [{ends}]}}"
 
         form = rf"(?P<begin>  {self.guess}: {{value: )(?P<value>[\d.e+-]+) (?P<unit>[^,]+), fit: true}}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
+from rigctl.validation.coverage.misread import WRITTEN, Written
 from rigctl.validation.coverage.trial import CoverageTrial
 from rigctl.validation.coverage.work import CoverageOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
@@ -21,6 +22,8 @@ def coverage_rates(outcomes: Sequence[CoverageOutcome]) -> tuple[Rate, ...]:
         *_every_coverage(nothing, "values of the bench, nothing hidden"),
         *_every_coverage(hidden, "size of the hidden effect"),
         rate_of("an effect is said to be missing", "nothing hidden", nothing, _alarm, at_most=0.01),
+        rate_of("adequate", "nothing hidden", nothing, lambda outcome: outcome.verdict == "adequate"),
+        rate_of("a sensor is said to be wrong by more", "nothing hidden", nothing, _beyond, at_most=0.05),
         rate_of("right, or its class", "hidden", hidden, lambda outcome: outcome.right),
         rate_of("wrong name", "hidden", hidden, _wrong, at_most=0.02),
         rate_of("explained by the stated calibrations", "hidden", hidden, _by_sensors),
@@ -50,7 +53,14 @@ def _answer(outcome: CoverageOutcome) -> str:
 
 def _alarm(outcome: CoverageOutcome) -> bool:
     """A sensor within its calibration, or a guess within its range, is taken for something missing."""
-    return bool(outcome.failure) or outcome.verdict in ("missing_effect", "ambiguous", "outside_library")
+    if outcome.failure or outcome.accepted:
+        return True
+    return outcome.verdict == "outside_library" and not outcome.explained_by
+
+
+def _beyond(outcome: CoverageOutcome) -> bool:
+    """A sensor is said to be wrong by more than is stated, which 5 % of the errors drawn are."""
+    return outcome.verdict == "outside_library" and bool(outcome.explained_by)
 
 
 def _wrong(outcome: CoverageOutcome) -> bool:
@@ -66,15 +76,28 @@ def _green(outcome: CoverageOutcome) -> bool:
 
 
 def _every_coverage(among: Sequence[CoverageOutcome], of: str) -> Iterator[Rate]:
-    """Where only a kind is stated, each part may take all of the uncertainty, and intervals are wider."""
-    yield _covered([o for o in among if o.scenario.parts], f"{of}, parts stated", _LOW, _HIGH)
-    yield _covered([o for o in among if not o.scenario.parts], f"{of}, kind stated", _LOW)
+    """Where a kind is stated, each part may take all of the uncertainty, and intervals are wider.
+
+    With an uncertainty alone they are those of exact sensors, unless errors of sensors are the answer.
+    """
+    of_each: dict[Written, list[CoverageOutcome]] = {
+        written: [outcome for outcome in among if outcome.scenario.written == written] for written in WRITTEN
+    }
+    yield _covered(of_each["parts"], f"{of}, parts stated", _LOW, _HIGH)
+    yield _covered(of_each["kind"], f"{of}, kind stated", _LOW)
+    yield _covered(of_each["uncertainty"], f"{of}, uncertainty alone")
 
 
 def _covered(
     among: Sequence[CoverageOutcome], of: str, low: float | None = None, high: float | None = None
 ) -> Rate:
-    intervals = [one for outcome in among for one in outcome.intervals]
+    # that of the guess itself is its stated range where the data do not show it, and always right
+    intervals = [
+        one
+        for outcome in among
+        for one in outcome.intervals
+        if one.parameter != outcome.scenario.misread.guess
+    ]
     covers = sum(one.covers for one in intervals)
     return Rate("95 % interval covers the truth", of, covers, len(intervals), low, high)
 
@@ -82,6 +105,7 @@ def _covered(
 def _parted(nothing: Sequence[CoverageOutcome], hidden: Sequence[CoverageOutcome]) -> Iterator[Rate]:
     parts: tuple[tuple[str, Callable[[CoverageTrial], str]], ...] = (
         ("calibration", lambda trial: trial.kind),
+        ("stated", lambda trial: trial.written),
         ("model", lambda trial: "with a guess" if trial.assumed else "without a guess"),
         ("bench", lambda trial: trial.bench),
     )

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from rigctl.validation.coverage.misread import KINDS, Kind, Misread
+from rigctl.validation.coverage.misread import KINDS, WRITTEN, Kind, Misread, Written
 from rigctl.validation.moving.trial import MovingTrial
 from rigctl.validation.moving_benches.excitation import MOTIONS, Motion
 from rigctl.validation.moving_benches.register import TWINS
 
-_SEEDS = 2
 _FIRST_SEED = 50_000
 
 
@@ -25,7 +24,7 @@ class CoverageTrial:
     Attributes
     ----------
     bench, motion, hidden, seed: see `MovingTrial`.
-    kind, parts: of the calibration of every channel, and how it is stated, see `Misread`.
+    kind, written: of the calibration of every channel, and how it is stated, see `Misread`.
     assumed: one number of the model is a guess.
     """
 
@@ -33,7 +32,7 @@ class CoverageTrial:
     motion: Motion
     hidden: str = ""
     kind: Kind = "line"
-    parts: bool = True
+    written: Written = "parts"
     assumed: bool = False
     seed: int = 0
 
@@ -45,14 +44,13 @@ class CoverageTrial:
     @property
     def misread(self) -> Misread:
         """What is wrong with it."""
-        return Misread(self.moving.campaign, self.kind, self.parts, self.assumed)
+        return Misread(self.moving.campaign, self.kind, self.written, self.assumed)
 
     @property
     def name(self) -> str:
-        """All of it in one line, unique: ``spring prbs, dry friction, line in parts, a guess, seed 3``."""
+        """All of it in one line, unique: ``spring prbs, dry friction, line by parts, a guess, seed 3``."""
         hidden, guess = self.hidden or "nothing hidden", ", a guess" if self.assumed else ""
-        kind = f"{self.kind} in parts" if self.parts else self.kind
-        return f"{self.bench} {self.motion}, {hidden}, {kind}{guess}, seed {self.seed}"
+        return f"{self.bench} {self.motion}, {hidden}, {self.kind} by {self.written}{guess}, seed {self.seed}"
 
     @property
     def truth(self) -> tuple[str, ...]:
@@ -79,12 +77,12 @@ def coverage_trials() -> tuple[CoverageTrial, ...]:
 
 
 def _every() -> Iterator[CoverageTrial]:
-    turns = product(TWINS, MOTIONS, KINDS, (True, False), (False, True), range(_SEEDS))
-    for turn, (name, motion, kind, parts, assumed, _) in enumerate(turns):
+    turns = product(TWINS, MOTIONS, KINDS, WRITTEN, (False, True))
+    for turn, (name, motion, kind, written, assumed) in enumerate(turns):
         if motion == "decay" and not TWINS[name].decay:
             continue
         acting = [each.name for each in TWINS[name].hidden if not each.only or motion in each.only]
         for hidden in ("", acting[turn % len(acting)]):
             yield CoverageTrial(
-                name, motion, hidden, kind, parts, assumed, _FIRST_SEED + 2 * turn + bool(hidden)
+                name, motion, hidden, kind, written, assumed, _FIRST_SEED + 2 * turn + bool(hidden)
             )
