@@ -131,7 +131,6 @@ def test_one_effect_and_two_of_similar_odds_are_ambiguous() -> None:
     assert found.classes == (("alpha", "beta", "gamma"),)
     assert found.statement.count("together would look like alpha") == 1
     assert any("together would look like alpha" in line for line in found.evidence)
-    assert not any("together would look like alpha" in line for line in found.further_evidence)
 
 
 def test_an_effect_with_a_small_remainder_is_not_distinguished_from_two() -> None:

@@ -103,7 +103,8 @@ def test_records_tell_a_loss_from_a_thermometer_that_is_wrong_within_its_calibra
         assert before["explained_by"] == "calibration"
         assert "rigctl design" in told("diagnose", run, "--model", MODEL)
         found = answer("design", run, "--model", MODEL, "--records", "2", "-o", "sensor.yaml")
-        assert found["rivals"][0]["name"] == "none"
+        assert found["rivals"][-1]["name"] == "none"
+        assert sum(one["weight"] for one in found["rivals"][:-1]) == pytest.approx(1.0)
         assert "an error of the sensors" in found["statement"]
         told("simulate", "sensor.yaml", "--with", "radiation", "--seed", "5")
         after = answer("diagnose", run, "latest", "--model", MODEL)

@@ -24,11 +24,17 @@ def predicted(**weights: float) -> PredictedRound:
     )
 
 
-def diagnosis(verdict: Verdict, classes: list[list[str]], **scores: float) -> Diagnosis:
+def diagnosis(
+    verdict: Verdict, classes: list[list[str]], *, sensors: tuple[str, ...] = (), **scores: float
+) -> Diagnosis:
     ranking = [SimpleNamespace(effect=name, delta_bic=score) for name, score in scores.items()]
     effects = tuple(names[0] for names in classes)
     made: Any = SimpleNamespace(
-        verdict=verdict, classes=tuple(map(tuple, classes)), effects=effects, ranking=ranking
+        verdict=verdict,
+        classes=tuple(map(tuple, classes)),
+        effects=effects,
+        ranking=ranking,
+        instead_of_sensors=sensors,
     )
     return cast("Diagnosis", made)
 
@@ -88,3 +94,10 @@ def test_no_missing_effect_may_be_one_of_the_rivals() -> None:
     out = round_outcome(predicted(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
     assert out.winner == "none"
     assert out.kept
+    assert out.distinguished
+
+
+def test_a_sensor_that_still_competes_with_an_effect_is_not_distinguished() -> None:
+    found = diagnosis(Verdict.ADEQUATE, [], sensors=("leak",), leak=4.0)
+    out = round_outcome(predicted(leak=0.6, none=0.4), found)
+    assert (out.winner, out.kept, out.distinguished) == ("none", True, False)
