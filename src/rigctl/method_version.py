@@ -11,8 +11,8 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 43
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "533413e88b66"
+FINGERPRINT = "f09a192d8ed5"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 6
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "267cc0e72c64"
+DISCOVERY_FINGERPRINT = "3f74c9f68bfc"
