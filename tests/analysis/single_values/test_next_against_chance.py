@@ -51,8 +51,8 @@ def before(one: Any, rows: int, degrees: int, tests: int = 3) -> Any:
 def test_the_suggested_repeats_have_a_power_of_90_percent(z: float, rows: int, degrees: int) -> None:
     (said,) = next_against_chance(before(score(z), rows, degrees))
     found = re.fullmatch(
-        r"read each condition (\d+) times: leak, if it is as large as it seems, would then stand out by "
-        r"([\d.]+) sigma",
+        r"read each condition (\d+) times: leak, if it is as large as it seems, would then be ([\d.]+) "
+        r"times as strong as chance",
         said,
     )
     assert found
@@ -99,7 +99,7 @@ def test_the_predicted_change_beyond_a_table_matches_a_fit_with_the_effect(tmp_p
     noise = noise_of(table_alone)
     said = next_against_chance(judge(fit_model(plain, table_alone, noise), "oil"))
     (hot,) = [text for text in said if " at 100 degC too" in text]
-    found = re.search(r"capillary_end_correction changes it there by ([+-]\d+) %, (\d+) sigma", hot)
+    found = re.search(r"capillary_end_correction changes it there by ([+-]\d+) %, (\d+) times the noise", hot)
     assert found
     known = DataNoise(noise.model, (*noise.ok, noise.ok[0]))
     with_it, without = (
