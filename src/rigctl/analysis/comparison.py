@@ -155,15 +155,15 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
 
     Where calibrations with errors of a stated kind are in the fit already, it is repeated without them. Where
     only an uncertainty is stated, sensors were exact: if the model does not agree, it is repeated with errors
-    of each, and that comparison is the answer if they explain what was left within what is stated. If they do
-    not, it is kept beside it as `with_errors`.
+    of each, and that comparison is the answer if they explain what was left within what is stated. If they
+    would have to be larger, it is kept beside it as `misread`.
     """
     fitted, tests = compared.fit, compared.adequacy
     uncertain = fitted.problem.measurements.possible_errors
     if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
         if wrong is not None:
-            return wrong if wrong.adequacy.agrees else replace(compared, with_errors=wrong)
+            return wrong if wrong.adequacy.agrees else replace(compared, misread=wrong)
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {compared.name} as if every sensor were exact")
@@ -179,11 +179,10 @@ def _if_sensors_may_be_wrong(
 ) -> ModelComparison | None:
     """The comparison in which every calibration with a stated uncertainty may be wrong.
 
-    None if that explains nothing of what a model with exact sensors leaves. Calibrations of no stated kind
-    count only here, with zero, gain and curvature: they are tried before something is said to be missing, at
-    the cost of one fit, and not in every search and design. A model that lacks something pulls its sensors
-    beyond what is stated, so that such errors are an answer, or part of one, only where no effect by itself
-    explains as much.
+    None unless that explains what a model with exact sensors leaves. Calibrations of no stated kind count
+    only here, with zero, gain and curvature: they are tried before something is said to be missing, at the
+    cost of one fit, and not in every search and design. A model that lacks something pulls its sensors beyond
+    what is stated, so that an error beyond it is an answer only where no effect explains as much.
     """
     name, measurements = compared.name, compared.fit.problem.measurements
     (on_progress or no_progress)(f"Fitting {name} as if sensors might be wrong")
@@ -193,10 +192,10 @@ def _if_sensors_may_be_wrong(
         exact = _as_exact(compared, on_progress)
     except RigctlError:  # it cannot be simulated with them: nothing to compare with
         return None
-    if not _by_sensors(compared, wrong):
+    tests = wrong.adequacy
+    if not (tests.agrees or tests.only_misread) or not _by_sensors(compared, wrong):
         return None
-    explained = wrong.adequacy.agrees or wrong.adequacy.only_misread
-    return replace(wrong, exact=exact) if explained else wrong
+    return replace(wrong, exact=exact)
 
 
 def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:

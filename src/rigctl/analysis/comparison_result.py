@@ -66,9 +66,8 @@ class ModelComparison:
     located: where its error lies; each part is computed when it is first used.
     excluded: effects that were not considered.
     exact: if the model agrees only because sensors may be wrong as stated, the comparison with exact ones.
-    with_errors: if errors of sensors that only an uncertainty states explain part of what is left, or all of
-        it if they are larger than stated, the comparison with them. They count only where no effect by itself
-        explains as much.
+    misread: if errors of sensors larger than stated would make the model agree, the comparison with them;
+        they are the answer only where no effect explains as much.
     slopes: for a model with effects, the derivatives at its fit, until a diagnosis linearises it with the
         discrepancies of their laws.
     """
@@ -83,7 +82,7 @@ class ModelComparison:
     located: LocatedError = field(repr=False)
     excluded: frozenset[str] = frozenset()
     exact: ModelComparison | None = field(default=None, repr=False)
-    with_errors: ModelComparison | None = field(default=None, repr=False)
+    misread: ModelComparison | None = field(default=None, repr=False)
     slopes: KnownSlopes | None = field(default=None, repr=False)
 
     @property

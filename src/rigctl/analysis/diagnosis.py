@@ -113,10 +113,9 @@ def diagnose_comparison(
     if beyond is not None:
         return _undecided_by_bound(before, beyond, runs, held_out, notes)
     search, found = _searched(before, most, on_progress or no_progress)
-    if before.with_errors is not None and not _explained(search, found):
-        # no effect by itself explains it: the sensors that may be wrong are part of the answer, or all of it
+    if before.misread is not None and not _explained(search, found):
         return diagnose_comparison(
-            before.with_errors,
+            before.misread,
             runs,
             held_out,
             notes,
@@ -285,8 +284,8 @@ def _evidence(judgement: Judgement, ranking: Sequence[Ranked]) -> list[str]:
 
 def _misread_text(judgement: Judgement) -> list[str]:
     """That sensors would explain the same if they were wrong by more than is stated; [] if they would not."""
-    misread = judgement.search.before.with_errors
-    if misread is None or misread.sensors is None or not misread.adequacy.only_misread:
+    misread = judgement.search.before.misread
+    if misread is None or misread.sensors is None:
         return []
     return [
         f"against {' and '.join(judgement.best.effects)}: the model would agree without it if "
