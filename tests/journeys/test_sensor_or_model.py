@@ -112,7 +112,9 @@ def test_an_error_beyond_the_stated_calibration_is_the_sensors(tmp_path: Path) -
     assert "more than its calibration allows" in found["statement"]
 
 
-@pytest.mark.xfail(strict=True, reason="effects are searched with exact sensors if only an uncertainty is stated")
+@pytest.mark.xfail(
+    strict=True, reason="effects are searched with exact sensors if only an uncertainty is stated"
+)
 def test_an_effect_beside_a_wrong_sensor_is_named_as_it_is(tmp_path: Path) -> None:
     """With an exact thermometer the loss is taken for another law, far from all that is left."""
     assert diagnosed(tmp_path, "zero", 0.8, radiation=2e-11)["effects"] == ["radiation"]
