@@ -141,7 +141,7 @@ def test_a_member_whose_complement_cannot_be_fitted_is_ranked_with_its_own_param
 def test_no_effect_is_added_while_it_is_undecided_whether_one_is_missing(verdict: Verdict) -> None:
     """The set improves the fit, but no version is saved on inconclusive data."""
     doubt = "the error of every channel is within its noise"
-    before = SimpleNamespace(adequate=False)
+    before = SimpleNamespace(adequate=False, explained_by=None)
     found = cast("Diagnosis", SimpleNamespace(verdict=verdict, doubt=doubt, best=None, before=before))
     assert _plan(found, 4) == []
     assert _why(found, 4) is ImprovementEnd.NOT_DECIDED
