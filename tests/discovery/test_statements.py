@@ -29,9 +29,9 @@ def located(slot: str, statistic: float, p_value: float = 1e-4, dof: int = 8) ->
     return Located(FAMILY.slot(slot), (VELOCITY,), statistic, dof, p_value, 0.5)
 
 
-def diagnosed(verdict: Verdict, **changed: Any) -> Any:
+def diagnosed(verdict: Verdict, *, only_misread: bool = False, **changed: Any) -> Any:
     """The attributes of a diagnosis that the gate reads."""
-    adequacy = SimpleNamespace(below_noise=False)
+    adequacy = SimpleNamespace(below_noise=False, only_misread=only_misread)
     lin = SimpleNamespace(records=(), regions=SimpleNamespace(groups=()))
     projected = SimpleNamespace(noise_degrees=0)
     before = SimpleNamespace(adequacy=adequacy, statement="it is so", linearisation=lin, projected=projected)
@@ -55,6 +55,12 @@ def diagnosed(verdict: Verdict, **changed: Any) -> Any:
     [
         (Verdict.ADEQUATE, {}, "adequate", "nothing to discover"),
         (Verdict.OUTSIDE_LIBRARY, {"doubt": "the noise is a guess"}, "undecided", "the noise is a guess"),
+        (
+            Verdict.OUTSIDE_LIBRARY,
+            {"only_misread": True, "statement": "T1 reads wrongly"},
+            "sensor",
+            "T1 reads",
+        ),
         (Verdict.MISSING_EFFECT, {"effects": ("barus",)}, "library", "--apply' adds it"),
         (
             Verdict.MISSING_EFFECT,
