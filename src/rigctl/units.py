@@ -366,6 +366,14 @@ def _is_name(token: str) -> bool:
     return re.fullmatch(r"[^\W\d]\w*|%|°[CF]", token) is not None
 
 
+def find_unit(text: str) -> Unit | None:
+    """The unit given by `text`; None if it is not one."""
+    try:
+        return parse_unit(text)
+    except RigctlError:
+        return None
+
+
 def is_speed_of_rotation(text: str) -> bool:
     """Whether a unit is an angle per time: rad/s, rpm or deg/s; 1/s is ambiguous.
 

@@ -15,7 +15,7 @@ from rigctl.dataset.importing.options import Options, TimePolicy
 from rigctl.dataset.importing.table import Heading, Source
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.formulas import reserved_names
-from rigctl.units import Unit, interval_unit, parse_unit
+from rigctl.units import Unit, find_unit, interval_unit, parse_unit
 
 Floats = NDArray[np.float64]
 Role = Literal["input", "output", "left out"]
@@ -245,7 +245,7 @@ def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
     name, unit = read.name, "s" if read.seconds else read.unit
     headed = read.unit or ""
     plain, guessed = split_ending(name)
-    stated = unit is not None and _is_unit(unit)
+    stated = unit is not None and find_unit(unit) is not None
     if stated and guessed != unit:  # 'Channel A [V]' is no current
         plain, guessed = name, None
     given = units.get(name, units.get(_plain_name(plain)))
@@ -289,14 +289,6 @@ def rises_evenly(values: Floats) -> bool:
     """Whether a column of many rows increases by the same amount each time, as a time does."""
     steps = np.diff(values)
     return len(steps) >= _MANY_STEPS and steps[0] > 0.0 and bool(np.allclose(steps, steps[0], rtol=1e-3))
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        parse_unit(text)
-    except RigctlError:
-        return False
-    return True
 
 
 def _check_units(units: Mapping[str, str], headings: Iterable[_Heading]) -> None:

@@ -19,7 +19,7 @@ from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
     from rigctl.cli.commands.first_fit import FirstFit
-    from rigctl.proposal.columns import Table
+    from rigctl.proposal.columns import Column, Table
     from rigctl.proposal.propose import Proposal
 
 app = typer.Typer(
@@ -342,16 +342,21 @@ def _document(
 
 def _with_units(problem: RigctlError, command: str, table: Table) -> RigctlError:
     """The refusal of a template, with the command that states the units which the log does not."""
-    unknown = [column for column in table.columns if not column.known and column.role != "left out"]
+    unknown, units = _without_unit(table)
     if not unknown:
         return problem
-    units = "".join(f" --unit {quoted(f'{column.theirs}=UNIT')}" for column in unknown)
     names = ", ".join(column.theirs for column in unknown)
     problem.hint = (
         f"The log states no unit for {names}. Give them, e.g. V, rpm, bar or degC for UNIT: "
         f"{command}{units}; or leave out --template"
     )
     return problem
+
+
+def _without_unit(table: Table) -> tuple[list[Column], str]:
+    """The columns of which the log states no unit, and the options that would state them."""
+    unknown = [column for column in table.columns if not column.known and column.role != "left out"]
+    return unknown, "".join(f" --unit {quoted(f'{column.theirs}=UNIT')}" for column in unknown)
 
 
 def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: FirstFit | None) -> None:
@@ -383,11 +388,10 @@ def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: 
 
 def _unstated_units(proposal: Proposal, options: str) -> Iterator[str]:
     """Which units the log does not state, and the command that states them."""
-    unknown = [c for c in proposal.table.columns if not c.known and c.role != "left out"]
+    unknown, units = _without_unit(proposal.table)
     if not unknown or proposal.table.path is None:
         return
     names = ", ".join(c.theirs + (f" ('{c.unread}' is no unit)" if c.unread else "") for c in unknown)
-    units = "".join(f" --unit {quoted(f'{c.theirs}=UNIT')}" for c in unknown)
     yield (
         f"The log states no unit for {names}: drafted as plain numbers. With a unit for each UNIT (V, rpm, "
         f"bar …), this drafts it again: rigctl family new {proposal.name}_2 {options}{units}"

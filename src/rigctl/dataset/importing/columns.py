@@ -24,7 +24,7 @@ from rigctl.errors import RigctlError, nearest_name, unknown_name
 from rigctl.rig.common_names import on_rig
 from rigctl.rig.layout import Layout
 from rigctl.rig.setting import POSITIONS
-from rigctl.units import Unit, describe, is_speed_of_rotation, parse_quantity, parse_unit
+from rigctl.units import Unit, describe, find_unit, is_speed_of_rotation, parse_quantity, parse_unit
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
@@ -223,11 +223,10 @@ def _fits(name: str, unit: str, rig: Rig | None) -> bool:
 
 
 def _alike(one: str, other: str) -> bool:
-    try:
-        dimension = parse_unit(one).dimension
-        return not dimension.dimensionless and dimension == parse_unit(other).dimension
-    except RigctlError:
+    first, second = find_unit(one), find_unit(other)
+    if first is None or second is None:
         return False
+    return not first.dimension.dimensionless and first.dimension == second.dimension
 
 
 def _several_unknown(errors: Sequence[UnknownColumn], rig: Rig | None, *, samples: bool) -> RigctlError:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from rigctl.errors import RigctlError
-from rigctl.units import is_speed_of_rotation, parse_unit
+from rigctl.units import find_unit, is_speed_of_rotation, parse_unit
 
 if TYPE_CHECKING:
     import numpy as np
@@ -181,11 +181,7 @@ def is_unit(written: str) -> bool:
         return False
     if text is None or text.strip().isdigit():
         return written.strip() == "1"
-    try:
-        parse_unit(text)
-    except RigctlError:
-        return False
-    return True
+    return find_unit(text) is not None
 
 
 def plain_name(written: str) -> str:
@@ -279,10 +275,8 @@ def is_date(name: str, beside: str) -> bool:
 def _is_of_time(unit: str) -> bool:
     if _CLOCK_UNIT.fullmatch(unit.replace(" ", "")):
         return True
-    try:
-        return parse_unit(unit).dimension == parse_unit("s").dimension
-    except RigctlError:
-        return False
+    known = find_unit(unit)
+    return known is not None and known.dimension == parse_unit("s").dimension
 
 
 def _key(name: str) -> str:

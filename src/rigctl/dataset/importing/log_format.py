@@ -15,7 +15,7 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.errors import Location, RigctlError
 from rigctl.project import find_project
-from rigctl.units import is_speed_of_rotation, parse_unit
+from rigctl.units import find_unit, is_speed_of_rotation, parse_unit
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
@@ -107,8 +107,4 @@ def _is_same(name: str, written: str, given: str) -> bool:
 
 
 def _is_unit(text: str) -> bool:
-    try:
-        parse_unit(text)
-    except RigctlError:
-        return False
-    return bool(text.strip())
+    return bool(text.strip()) and find_unit(text) is not None

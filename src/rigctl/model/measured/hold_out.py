@@ -43,8 +43,7 @@ def check_condition(measurements: Measurements, text: str, units: Mapping[str, s
     RigctlError
         it is not, or names something unknown.
     """
-    if not parse(text).check(_types(measurements, units)).boolean:
-        raise RigctlError("records are chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'")
+    _checked(text, _types(measurements, units))
 
 
 def held_out(
@@ -78,16 +77,19 @@ def _chosen(measurements: Measurements, text: str, units: Mapping[str, str], non
         for k, record in enumerate(measurements.records)
     ]
     types = _types(measurements, units)
-    expression = parse(text)
-    kind = expression.check(types)
-    if not kind.boolean:
-        raise RigctlError("records are chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'")
-    checked = expression.checked(types)
+    checked = _checked(text, types)
     exact = list(_equalities(checked, types))
     selected = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
     if not selected:
         raise RigctlError(none, value=text, expected=_points(measurements, named, units) or None)
     return selected
+
+
+def _checked(text: str, types: Mapping[str, ValueType]) -> Expression:
+    expression = parse(text)
+    if not expression.check(types).boolean:
+        raise RigctlError("records are chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'")
+    return expression.checked(types)
 
 
 def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, ValueType]:
