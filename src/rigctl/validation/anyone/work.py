@@ -10,20 +10,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
-from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.dataset import open_run
-from rigctl.dataset.importing.bring_in import import_file
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import switched_off
-from rigctl.model.load import load_model
-from rigctl.rig.load import load_rig
 from rigctl.validation.amplitude import CLOSE, search_amplitude
 from rigctl.validation.anyone.trial import BenchTrial
 from rigctl.validation.benches.bench import BenchCampaign, write_bench
 from rigctl.validation.benches.register import find_bench
 from rigctl.validation.benches.size import size_of
 from rigctl.validation.outcome import TrialOutcome
+from rigctl.validation.user_folder import diagnose_log
 
 BenchOutcome: TypeAlias = TrialOutcome[BenchTrial]
 
@@ -59,9 +55,7 @@ def carry_out_trial(trial: BenchTrial) -> BenchOutcome:
 
 def diagnose_campaign(campaign: BenchCampaign, folder: Path) -> Diagnosis:
     """The diagnosis of a campaign that is imported into `folder`."""
-    log = write_bench(campaign, folder)
-    imported = import_file(log, load_rig(folder / "rig.yaml"), folder / "runs")
-    return diagnose([open_run(imported.path)], load_model(folder / "model.yaml"))
+    return diagnose_log(write_bench(campaign, folder))
 
 
 def amplitude_of(trial: BenchTrial) -> tuple[float, float]:

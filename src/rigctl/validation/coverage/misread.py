@@ -49,14 +49,10 @@ class Misread:
     assumed: bool
 
     @cached_property
-    def _rng(self) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence(self.campaign.seed, spawn_key=(11,)))
-
-    @cached_property
     def stated(self) -> Mapping[str, float]:
         """The uncertainty of each channel, 95 %, in the unit of its column."""
-        readings, rng = self.campaign.readings(0.0), self._rng
-        shares = np.exp(rng.uniform(math.log(_LEAST), math.log(_GREATEST), len(readings)))
+        readings = self.campaign.readings(0.0)
+        shares = np.exp(self.campaign.rng(11).uniform(math.log(_LEAST), math.log(_GREATEST), len(readings)))
         return {
             name: float(f"{share * np.ptp(values):.3g}")
             for share, (name, values) in zip(shares.tolist(), readings.items(), strict=True)
@@ -68,8 +64,7 @@ class Misread:
         drawn = self.campaign.twin.drawn
         if not self.assumed or len(drawn) < 2:  # without another number there would be nothing to fit
             return ""
-        rng = np.random.default_rng(np.random.SeedSequence(self.campaign.seed, spawn_key=(13,)))
-        return drawn[int(rng.integers(len(drawn)))].parameter
+        return drawn[int(self.campaign.rng(13).integers(len(drawn)))].parameter
 
     @cached_property
     def _count(self) -> int:
@@ -78,7 +73,7 @@ class Misread:
     def read(self, table: Mapping[str, Floats]) -> dict[str, Floats]:
         """The columns of a log as these sensors read them."""
         truth = self.campaign.readings(0.0)
-        rng = np.random.default_rng(np.random.SeedSequence(self.campaign.seed, spawn_key=(12,)))
+        rng = self.campaign.rng(12)
         together = 1.0 if self.written == "parts" else 1.0 / math.sqrt(self._count)
         errors = {}
         for name, stated in self.stated.items():

@@ -79,9 +79,9 @@ def coverage_trials() -> tuple[CoverageTrial, ...]:
 def _every() -> Iterator[CoverageTrial]:
     turns = product(TWINS, MOTIONS, KINDS, WRITTEN, (False, True))
     for turn, (name, motion, kind, written, assumed) in enumerate(turns):
-        if motion == "decay" and not TWINS[name].decay:
+        if not TWINS[name].moves(motion):
             continue
-        acting = [each.name for each in TWINS[name].hidden if not each.only or motion in each.only]
+        acting = TWINS[name].acting(motion)
         for hidden in ("", acting[turn % len(acting)]):
             yield CoverageTrial(
                 name, motion, hidden, kind, written, assumed, _FIRST_SEED + 2 * turn + bool(hidden)

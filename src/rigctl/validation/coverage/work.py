@@ -8,19 +8,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
-from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.dataset import open_run
-from rigctl.dataset.importing.bring_in import import_file
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import switched_off
-from rigctl.model.load import load_model
-from rigctl.rig.load import load_rig
 from rigctl.validation.coverage.trial import CoverageTrial
 from rigctl.validation.moving.intervals import intervals_of
 from rigctl.validation.moving.work import amplitude_of, answer_of
 from rigctl.validation.moving_benches.campaign import write_moving
 from rigctl.validation.outcome import TrialOutcome
+from rigctl.validation.user_folder import diagnose_log
 
 CoverageOutcome: TypeAlias = TrialOutcome[CoverageTrial]
 
@@ -57,5 +53,4 @@ def _diagnosis(trial: CoverageTrial, amplitude: float, folder: Path) -> Diagnosi
     campaign, misread = trial.moving.campaign, trial.misread
     log = write_moving(campaign, [misread.read(campaign.table(amplitude))], folder)
     misread.state(folder)
-    imported = import_file(log, load_rig(folder / "rig.yaml"), folder / "runs")
-    return diagnose([open_run(imported.path)], load_model(folder / "model.yaml"))
+    return diagnose_log(log)

@@ -46,14 +46,14 @@ def _unstated_again() -> Iterator[MovingTrial]:
 
 def _benches() -> Iterator[tuple[str, Motion, Colour]]:
     for name, motion in product(TWINS, MOTIONS):
-        if motion != "decay" or TWINS[name].decay:
+        if TWINS[name].moves(motion):
             yield from ((name, motion, colour) for colour in COLOURS)
 
 
 def _nothing_or_hidden(
     name: str, motion: Motion, colour: Colour, statement: Statement, seed: int
 ) -> Iterator[MovingTrial]:
-    acting = [each.name for each in TWINS[name].hidden if not each.only or motion in each.only]
+    acting = TWINS[name].acting(motion)
     yield MovingTrial(name, motion, "", colour, statement, seed)
     yield MovingTrial(name, motion, acting[seed % len(acting)], colour, statement, 10_000 + seed)
 

@@ -8,15 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
-from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.dataset import open_run
-from rigctl.dataset.importing.bring_in import import_file
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import switched_off
 from rigctl.errors import RigctlError
-from rigctl.model.load import load_model
-from rigctl.rig.load import load_rig
 from rigctl.validation.amplitude import CLOSE
 from rigctl.validation.moving.intervals import intervals_of
 from rigctl.validation.moving.spoiled import write_spoiled
@@ -24,6 +19,7 @@ from rigctl.validation.moving.trial import LEAST_LEFT, MovingTrial
 from rigctl.validation.moving_benches.campaign import write_moving
 from rigctl.validation.moving_benches.left_over import amplitude_leaving
 from rigctl.validation.outcome import AnyTrial, TrialOutcome, Verdict
+from rigctl.validation.user_folder import diagnose_log
 
 MovingOutcome: TypeAlias = TrialOutcome[MovingTrial]
 
@@ -83,5 +79,4 @@ def _diagnosis(trial: MovingTrial, amplitude: float, folder: Path) -> Diagnosis:
         log = write_spoiled(campaign, trial.spoiled, folder)
     else:
         log = write_moving(campaign, [campaign.table(amplitude)], folder)
-    imported = import_file(log, load_rig(folder / "rig.yaml"), folder / "runs")
-    return diagnose([open_run(imported.path)], load_model(folder / "model.yaml"))
+    return diagnose_log(log)

@@ -54,13 +54,14 @@ class MovingCampaign:
     seed: int = 0
     record: int = 0
 
-    def _rng(self, *part: int) -> np.random.Generator:
+    def rng(self, *part: int) -> np.random.Generator:
+        """A generator of the random values of a part of the campaign; 0 to 4 are its own."""
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=part))
 
     @cached_property
     def size(self) -> tuple[int, float]:
         """Number of samples, and the sampling period, s."""
-        rng = self._rng(0)
+        rng = self.rng(0)
         samples, per_constant = int(rng.choice(_LENGTHS)), float(rng.choice(_PER_CONSTANT))
         decays = self.motion == "decay"
         period = self.twin.decay / samples if decays else self.twin.time_constant / per_constant
@@ -69,7 +70,7 @@ class MovingCampaign:
     @cached_property
     def drawn(self) -> Floats:
         """The values of this bench, in the unit of the equations."""
-        rng = self._rng(1)
+        rng = self.rng(1)
         return np.array(
             [each.nominal * (1.0 + each.spread * rng.uniform(-1.0, 1.0)) for each in self.twin.drawn]
         )
@@ -77,7 +78,7 @@ class MovingCampaign:
     @cached_property
     def inputs(self) -> Floats:
         """(samples, inputs) in the units of their columns, small enough for every reading's limits."""
-        rng = self._rng(2, self.record)
+        rng = self.rng(2, self.record)
         samples, period = self.size
         per_constant = self.twin.time_constant / period
         shapes = [self._shape(driven, samples, per_constant, rng) for driven in self.twin.inputs]
@@ -145,12 +146,12 @@ class MovingCampaign:
     @cached_property
     def slow(self) -> Mapping[str, float]:
         """By channel, the standard deviation of the slow part of its noise, in that of the white one."""
-        rng = self._rng(3)
+        rng = self.rng(3)
         return {name: slow_share(self.colour, rng) for name in self.twin.bench.noise}
 
     def noise(self) -> Mapping[str, Floats]:
         """The noise of each channel, in its column's unit."""
-        rng = self._rng(4, self.record)
+        rng = self.rng(4, self.record)
         samples, _ = self.size
         return {
             name: np.asarray(sigma * noise_series(self.colour, samples, self.slow[name], rng))

@@ -9,6 +9,7 @@ import numpy as np
 
 from rigctl.errors import unknown_name
 from rigctl.validation.benches.bench import Floats, SmallBench
+from rigctl.validation.moving_benches.excitation import Motion
 
 #: columns in the file's units from states, inputs, drawn values and amplitudes
 Readings = Callable[[Floats, Floats, Floats, Floats], Mapping[str, Floats]]
@@ -101,6 +102,14 @@ class Twin:
     def time_constant(self) -> float:
         """s; 1 s for a bench without states."""
         return self.bench.time_constant or 1.0
+
+    def moves(self, motion: Motion) -> bool:
+        """Whether it can be moved so: not every bench decays freely."""
+        return motion != "decay" or self.decay > 0.0
+
+    def acting(self, motion: Motion) -> list[str]:
+        """The names of what it hides that acts in this motion."""
+        return [each.name for each in self.hidden if not each.only or motion in each.only]
 
     def find(self, name: str) -> MovingHidden:
         """What it hides under this name.
