@@ -214,11 +214,9 @@ def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int
 def _drawn(unknown: Unknown, value: float, weight: float) -> Unknown:
     """The unknown with its prior mean moved to the other side of `value` if the weight is negative."""
     prior = unknown.prior
-    return (
-        unknown
-        if prior is None
-        else replace(unknown, prior=replace(prior, mean=value + weight * (prior.mean - value)))
-    )
+    if prior is None:
+        return unknown
+    return replace(unknown, prior=replace(prior, mean=value + weight * (prior.mean - value)))
 
 
 def _as_stated(unknown: Unknown, value: float, chance: np.random.Generator) -> Unknown:
@@ -229,7 +227,7 @@ def _as_stated(unknown: Unknown, value: float, chance: np.random.Generator) -> U
     return replace(unknown, prior=prior, start=min(max(value, unknown.lower), unknown.upper))
 
 
-def _weights(clusters: Sequence[int] | range, chance: np.random.Generator) -> Mapping[int, float]:
+def _weights(clusters: Sequence[int], chance: np.random.Generator) -> Mapping[int, float]:
     """A weight for each cluster, with mean 0 and variance 1; with few clusters, of six values."""
     names = sorted(set(clusters))
     signs = chance.choice([-1.0, 1.0], len(names))

@@ -187,15 +187,12 @@ def _if_sensors_may_be_wrong(
     name, measurements = compared.name, compared.fit.problem.measurements
     (on_progress or no_progress)(f"Fitting {name} as if sensors might be wrong")
     errors = (*measurements.reading_errors, *measurements.possible_errors)
-    try:
+    with suppress(RigctlError):  # it cannot be simulated with them, or without: nothing to compare with
         wrong = _tested(_with_reading_errors(compared.fit, errors), name, compared.excluded, on_progress)
-        exact = _as_exact(compared, on_progress)
-    except RigctlError:  # it cannot be simulated with them: nothing to compare with
-        return None
-    tests = wrong.adequacy
-    if not (tests.agrees or tests.only_misread) or not _by_sensors(compared, wrong):
-        return None
-    return replace(wrong, exact=exact)
+        tests = wrong.adequacy
+        if (tests.agrees or tests.only_misread) and _by_sensors(compared, wrong):
+            return replace(wrong, exact=_as_exact(compared, on_progress))
+    return None
 
 
 def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:

@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 Aim = Literal["discrimination", "detection", "precision"]
 #: name of the model without any of the effects in question
 NONE = "none"
+#: the same in a sentence
+WITHOUT_EFFECT = "the model without an effect"
 #: the explanation without an effect where sensors may be wrong as stated
 _SENSORS = "an error of the sensors"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigctl.design.result import NONE, DesignResult, PredictedPower, SensorSet
+from rigctl.design.result import NONE, WITHOUT_EFFECT, DesignResult, PredictedPower, SensorSet
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
 
@@ -73,8 +73,8 @@ def _least(design: DesignResult, pair: tuple[str, str]) -> float:
 
 
 def _not_distinguished(design: DesignResult, together: Sequence[tuple[str, str]]) -> str:
-    called = [[design.explanations[name][0] if name == NONE else name for name in pair] for pair in together]
-    pairs = ", ".join(" and ".join(pair) for pair in called)
+    without, _ = design.explanations.get(NONE, (NONE, 0.0))
+    pairs = ", ".join(" and ".join(without if name == NONE else name for name in pair) for pair in together)
     distinguished = len(design.separates) - len(together)
     others = f"; the other {distinguished} pairs would be distinguished" if distinguished > 1 else ""
     return f"not reliably distinguished: {pairs}{others}"
@@ -136,7 +136,7 @@ def header(design: DesignResult) -> list[str]:
 
 def outlook_text(one: PredictedPower) -> str:
     """The prediction for one pair."""
-    rival = "the model without an effect" if one.rival == NONE else one.rival
+    rival = WITHOUT_EFFECT if one.rival == NONE else one.rival
     return (
         f"If {one.truth} is right, it is distinguished from {rival} with a probability of "
         f"{share(one.after)}: expected gain D = {significant(one.separation, 3)} "
