@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test check lint types imports unit bench docs pictures site wheel clean system constraints torture lying loggers explore windows
+.PHONY: demo test check lint types imports unit bench docs pictures site wheel clean system constraints torture lying loggers explore mutants windows
 
 demo: $(VENV)/.installed
 	$(BIN)/rigctl demo demo
@@ -63,6 +63,12 @@ loggers: $(VENV)/.installed-dev
 # New examples for every property that leaves their number open; those of `make test` are the same each time.
 explore: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m hypothesis --hypothesis-profile=explore
+
+# Faults planted one at a time, 150 for each room of tools/mutants.toml unless MUTANTS says otherwise, e.g. "units
+# --sample 0" or "--since main": prints those that no test finds, and the score of each room.
+MUTANTS ?=
+mutants: $(VENV)/.installed-dev
+	$(BIN)/python tools/mutants.py $(MUTANTS)
 
 # Tests on Windows' own Python under Wine, in .windows: the core, or what WINDOWS says, e.g. "tests/cli". It counts them.
 WINDOWS ?=

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rigctl.dataset.journal import Journal, JournalReader, JournalWriter, read_journal
 
 COLUMNS = ("time", "record", "position")
+PART = 1 << 18  #: bytes that are searched for a marker at a time
 rows = st.lists(st.tuples(*[st.floats(width=64)] * 3), max_size=40)
 
 
@@ -139,6 +140,26 @@ def test_random_damage_never_invents_nor_reorders_rows(
     times = content(found)[:, 0].tolist()
     assert times == sorted(set(times))
     assert set(times) <= set(range(30))
+
+
+@pytest.mark.parametrize("damage", [0, 1, 7, PART - 9, *range(PART - 8, PART + 2), 2 * PART - 8])
+def test_a_frame_is_found_wherever_the_damage_before_it_ends(tmp_path: Path, damage: int) -> None:
+    """A damaged stretch is searched in parts, and the marker behind it may lie across the end of one."""
+    path = tmp_path / "samples.journal"
+    writer = JournalWriter(path, COLUMNS, {})
+    begin = path.stat().st_size
+    for row in range(2):
+        writer.append((row, row, row))
+        writer.flush()
+    writer.close()
+    whole = path.read_bytes()
+    path.write_bytes(whole[:begin] + bytes(damage) + whole[begin:])
+    found = read_journal(path)
+    assert content(found)[:, 0].tolist() == [0.0, 1.0]
+    assert (found.lost_bytes, found.damaged) == (damage, damage > 0)
+    late = JournalReader(path)
+    assert len(late.poll()) == 2
+    late.close()
 
 
 def test_blocks_do_not_depend_on_when_rows_were_flushed(tmp_path: Path) -> None:

@@ -152,6 +152,51 @@ def test_a_tripped_limit_trips_again_while_the_output_that_was_on_drives_past_it
     assert all("does not return while an output is on again" in alarm.message for alarm in alarms[1:])
 
 
+@pytest.mark.parametrize("bound", ["above", "below"])
+@pytest.mark.parametrize(("drift", "trips"), [(-2e3, False), (0.0, True), (2e3, True)])
+def test_a_reading_beyond_its_limit_has_to_come_nearer_to_it_and_not_stay(
+    bound: str, drift: float, trips: bool
+) -> None:
+    """`drift` is away from the limit, Pa/s, while the output that was on at the trip stays on."""
+    sign = 1.0 if bound == "above" else -1.0
+    limit = Limit.model_validate({"channel": "supply_pressure", bound: "40 bar"})
+    locks = Interlocks(SHIPPED.model_copy(update={"limits": {"pressure": limit}}))
+    rows = [
+        (0.125 * i, -1.0, WARM, 40e5 + sign * (1e5 + drift * 0.125 * i), POSITION, 1.0, 0.0, 20e5)
+        for i in range(1, 200)
+    ]
+    first, *again = feed(locks, rows)
+    assert first.active
+    assert [alarm.time for alarm in again][:1] == ([pytest.approx(10.25, abs=0.2)] if trips else [])
+
+
+@pytest.mark.parametrize(
+    ("safe", "at_the_trip", "in_cleanup", "trips"),
+    [
+        (0.0, 1.0, 1.0, True),
+        (0.0, 1.0, -1.0, False),
+        (0.0, -1.0, 1.0, False),
+        (0.5, 1.0, 0.75, True),
+        (0.5, 1.0, -1.0, False),
+        (0.5, 0.25, 0.75, False),
+        (0.5, 0.25, 0.0, True),
+        (0.5, 0.25, 0.5, False),
+    ],
+)
+def test_an_output_on_the_other_side_of_its_safe_value_may_drive_back(
+    safe: float, at_the_trip: float, in_cleanup: float, trips: bool
+) -> None:
+    """The valve that extends at the trip and retracts in cleanup, while the reading does not follow yet."""
+    safe_state = {**SHIPPED.safe_state, "valve": safe}
+    locks = Interlocks(SHIPPED.model_copy(update={"safe_state": safe_state}))
+    rows = [
+        (0.1 * i, -1.0, WARM, 61e5, POSITION, 0.0, in_cleanup if i > 7 else at_the_trip, 20e5)
+        for i in range(200)
+    ]
+    alarms = [alarm for alarm in feed(locks, rows) if alarm.name == "over_pressure"]
+    assert (len(alarms) > 1) is trips
+
+
 def test_a_tripped_limit_lets_an_output_drive_back_to_it(rig: Rig) -> None:
     locks = Interlocks(rig)
     rows = [(0.1 * i, -1.0, WARM, PRESSURE, 0.248 - 2e-5 * i, 0.0, -1.0, 20e5) for i in range(300)]
@@ -181,11 +226,20 @@ def test_a_broken_sensor_trips_after_the_time_limit_for_silence(rig: Rig, value:
 def test_a_rate_limit_trips_on_the_rate_over_its_window(rig: Rig) -> None:
     slow = [row(0.01 * i, position=0.12 * 0.01 * i) for i in range(200)]
     assert feed(Interlocks(rig), slow) == []
-    fast = [row(0.01 * i, position=0.9 * 0.01 * i) for i in range(25)]
+    fast = [row(90.0 + 0.01 * i, position=0.9 * 0.01 * i) for i in range(25)]  # a run that has gone on
     alarms = feed(Interlocks(rig), fast)
     assert [a.name for a in alarms] == ["moves_too_fast"]
-    assert alarms[0].time < 0.2
+    assert 90.1 < alarms[0].time < 90.2
     assert "0.9 m/s" in alarms[0].message or "900 mm/s" in alarms[0].message
+
+
+@pytest.mark.parametrize(("jump", "trips"), [(0.0095, False), (0.0105, True)])
+def test_a_rate_is_taken_over_the_whole_window_and_no_more(jump: float, trips: bool) -> None:
+    """A jump within 10 ms that is 0.095 or 0.105 m/s over 0.1 s."""
+    limit = Limit.model_validate({"channel": "position", "rate_above": "100 mm/s", "over": "0.1 s"})
+    locks = Interlocks(SHIPPED.model_copy(update={"limits": {"fast": limit}}))
+    rows = [row(90.0 + 0.01 * i, position=0.05 + (jump if i > 50 else 0.0)) for i in range(100)]
+    assert bool(feed(locks, rows)) is trips
 
 
 def test_no_rate_is_computed_before_half_of_its_window(rig: Rig) -> None:
@@ -242,7 +296,7 @@ def test_values_within_all_limits_never_trip(positions: list[float], oil: float)
     assert [alarm for alarm in feed(Interlocks(SHIPPED), rows) if alarm.action == "stop"] == []
 
 
-@given(st.lists(st.sampled_from([20e5, 61e5, math.nan]), min_size=1, max_size=80))
+@given(st.lists(st.sampled_from([20e5, 60e5, 61e5, -1e5, 105e5, math.nan]), min_size=1, max_size=80))
 def test_the_fast_and_the_full_check_agree(pressures: list[float]) -> None:
     fast, thorough = Interlocks(SHIPPED), Interlocks(SHIPPED)
     for i, pressure in enumerate(pressures):
@@ -259,6 +313,15 @@ def test_noise_on_a_line_is_detected_and_motion_is_not_taken_for_it() -> None:
     shaken = [row(0.01 * i, position=0.1 + 0.05 * chance.random()) for i in range(100)]
     alarms = [alarm for alarm in feed(Interlocks(SHIPPED), shaken) if alarm.name == "position noise"]
     assert [(alarm.action, alarm.active) for alarm in alarms] == [("warn", True)]
+
+
+@pytest.mark.parametrize(("times", "reported"), [(5.0, False), (16.0, True)])
+def test_noise_of_more_than_ten_times_the_stated_one_is_reported(times: float, reported: bool) -> None:
+    channel = SHIPPED.channels["supply_pressure"]
+    spread, chance = times * math.hypot(channel.noise_level, channel.resolution), random.Random(2)
+    rows = [row(0.01 * i, pressure=30e5 + chance.gauss(0.0, spread)) for i in range(200)]
+    alarms = feed(Interlocks(SHIPPED), rows)
+    assert [alarm.name for alarm in alarms[:1]] == (["supply_pressure noise"] if reported else [])
 
 
 def standstill(**fields: Any) -> Interlocks:

@@ -115,8 +115,6 @@ class Watch:
         if self.outside(value):
             return self._outside(time, value)
         self.persistence.inside(time)
-        if self.raised is None:
-            return None
         return self._inside(time, value)
 
     def _outside(self, time: float, value: float) -> Alarm | None:
@@ -133,9 +131,11 @@ class Watch:
         return self.raised
 
     def _inside(self, time: float, value: float) -> Alarm | None:
+        if self.raised is None:
+            return None
         if self.inside_since is None:
             self.inside_since = time
-        if self.raised is None or time - self.inside_since < REARM:
+        if time - self.inside_since < REARM:
             return None
         cleared = replace(self.raised, time=time, value=value, active=False)
         self.raised = self.inside_since = None
