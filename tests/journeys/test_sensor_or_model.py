@@ -112,12 +112,23 @@ def test_an_error_beyond_the_stated_calibration_is_the_sensors(tmp_path: Path) -
     assert "more than its calibration allows" in found["statement"]
 
 
-@pytest.mark.xfail(
-    strict=True, reason="effects are searched with exact sensors if only an uncertainty is stated"
-)
-def test_an_effect_beside_a_wrong_sensor_is_named_as_it_is(tmp_path: Path) -> None:
-    """With an exact thermometer the loss is taken for another law, far from all that is left."""
-    assert diagnosed(tmp_path, "zero", 0.8, radiation=2e-11)["effects"] == ["radiation"]
+@pytest.mark.parametrize(("kind", "size"), [("zero", 0.8), ("zero", -0.8), ("curvature", 0.8)])
+def test_an_effect_beside_a_wrong_sensor_is_named_as_it_is(tmp_path: Path, kind: str, size: float) -> None:
+    """With an exact thermometer the loss is taken for another law, or for none of the library."""
+    found = diagnosed(tmp_path, kind, size, radiation=2e-11)
+    assert (found["verdict"], found["effects"]) == ("missing_effect", ["radiation"])
+    one = sensor(found, "temperature_1")
+    assert abs(one["error"]) > 0.3
+    assert not one["beyond"]
+    with chdir(tmp_path):
+        printed = " ".join(told("diagnose", "latest", "--model", MODEL).split())
+    assert "beside it, temperature_1 reads" in printed
+
+
+def test_a_weak_effect_that_a_wrong_sensor_blurs_is_not_named_alone(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, "zero", 0.8, radiation=1e-11)
+    assert found["verdict"] == "ambiguous"
+    assert "radiation" in found["classes"][0]
 
 
 def test_exact_sensors_need_no_calibration_to_agree(tmp_path: Path) -> None:

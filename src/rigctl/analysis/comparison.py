@@ -156,14 +156,14 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
     Where calibrations with errors of a stated kind are in the fit already, it is repeated without them. Where
     only an uncertainty is stated, sensors were exact: if the model does not agree, it is repeated with errors
     of each, and that comparison is the answer if they explain what was left within what is stated. If they
-    would have to be larger, it is kept beside it as `misread`.
+    do not, or would have to be larger, it is kept beside the other as `with_sensor_errors`.
     """
     fitted, tests = compared.fit, compared.adequacy
     uncertain = fitted.problem.measurements.possible_errors
     if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
         if wrong is not None:
-            return wrong if wrong.adequacy.agrees else replace(compared, misread=wrong)
+            return wrong if wrong.adequacy.agrees else replace(compared, with_sensor_errors=wrong)
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {compared.name} as if every sensor were exact")
@@ -179,7 +179,7 @@ def _if_sensors_may_be_wrong(
 ) -> ModelComparison | None:
     """The comparison in which every calibration with a stated uncertainty may be wrong.
 
-    None unless that explains what a model with exact sensors leaves. Calibrations of no stated kind count
+    None if it agrees, but not because of its sensors. Calibrations of no stated kind count
     only here, with zero, gain and curvature: they are tried before something is said to be missing, at the
     cost of one fit, and not in every search and design. A model that lacks something pulls its sensors beyond
     what is stated, so that an error beyond it is an answer only where no effect explains as much.
@@ -190,7 +190,9 @@ def _if_sensors_may_be_wrong(
     with suppress(RigctlError):  # it cannot be simulated with them, or without: nothing to compare with
         wrong = _tested(_with_reading_errors(compared.fit, errors), name, compared.excluded, on_progress)
         tests = wrong.adequacy
-        if (tests.agrees or tests.only_misread) and _by_sensors(compared, wrong):
+        if not (tests.agrees or tests.only_misread):
+            return wrong
+        if _by_sensors(compared, wrong):
             return replace(wrong, exact=_as_exact(compared, on_progress))
     return None
 

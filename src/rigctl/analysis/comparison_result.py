@@ -66,8 +66,9 @@ class ModelComparison:
     located: where its error lies; each part is computed when it is first used.
     excluded: effects that were not considered.
     exact: if the model agrees only because sensors may be wrong as stated, the comparison with exact ones.
-    misread: if errors of sensors larger than stated would make the model agree, the comparison with them;
-        they are the answer only where no effect explains as much.
+    with_sensor_errors: where only an uncertainty of sensors is stated, and the model with exact ones does not
+        agree, the comparison with their errors; it is answered only where with exact ones no effect explains
+        what is left.
     slopes: for a model with effects, the derivatives at its fit, until a diagnosis linearises it with the
         discrepancies of their laws.
     """
@@ -82,7 +83,7 @@ class ModelComparison:
     located: LocatedError = field(repr=False)
     excluded: frozenset[str] = frozenset()
     exact: ModelComparison | None = field(default=None, repr=False)
-    misread: ModelComparison | None = field(default=None, repr=False)
+    with_sensor_errors: ModelComparison | None = field(default=None, repr=False)
     slopes: KnownSlopes | None = field(default=None, repr=False)
 
     @property

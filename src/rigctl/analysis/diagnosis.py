@@ -112,17 +112,7 @@ def diagnose_comparison(
     beyond = agreeing_beyond(before)
     if beyond is not None:
         return _undecided_by_bound(before, beyond, runs, held_out, notes)
-    search, found = _searched(before, most, on_progress or no_progress)
-    if before.misread is not None and not _explained(search, found):
-        return diagnose_comparison(
-            before.misread,
-            runs,
-            held_out,
-            notes,
-            most=most,
-            further_laws=further_laws,
-            on_progress=on_progress,
-        )
+    before, search, found = _searched_with_sensors(before, most, on_progress or no_progress)
     judgement = judge_set(search, found)
     best, verdict = judgement.best, judgement.verdict
     # where nothing is named, the answer is that of the comparison, in the scale of its own errors
@@ -284,8 +274,8 @@ def _evidence(judgement: Judgement, ranking: Sequence[Ranked]) -> list[str]:
 
 def _misread_text(judgement: Judgement) -> list[str]:
     """That sensors would explain the same if they were wrong by more than is stated; [] if they would not."""
-    misread = judgement.search.before.misread
-    if misread is None or misread.sensors is None:
+    misread = judgement.search.before.with_sensor_errors
+    if misread is None or misread.sensors is None or not misread.adequacy.only_misread:
         return []
     return [
         f"against {' and '.join(judgement.best.effects)}: the model would agree without it if "
@@ -303,6 +293,27 @@ def _laws_instead(search: Search) -> tuple[LawAnswer, ...]:
     """If something is missing and nothing is named, the law of an effect already in the model may be at
     fault: such a law is reported only if it removes nearly all of the misfit."""
     return laws_instead(search) if search.none.fit.problem.model.with_laws else ()
+
+
+def _searched_with_sensors(
+    before: ModelComparison, most: int, on_progress: OnProgress
+) -> tuple[ModelComparison, Search, RefittedSet]:
+    """The comparison that is answered, its search and its best set.
+
+    Where only an uncertainty of sensors is stated, they are exact at first. If no effects then explain what is
+    left, errors of sensors are a part of the answer: alone, larger than stated, or within it beside an effect,
+    which with exact sensors may have been taken for another.
+    """
+    search, found = _searched(before, most, on_progress)
+    inexact = before.with_sensor_errors
+    if inexact is None or inexact.adequacy.unproven or _explained(search, found):
+        return before, search, found
+    if inexact.adequacy.only_misread or search.left(found):
+        beside, best = _searched(inexact, most, on_progress)
+        within = not beside.at(best).adequacy.misread
+        if agrees_within_tolerance(beside) or (within and search.left(found) and not beside.left(best)):
+            return inexact, beside, best
+    return before, search, found
 
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:

@@ -15,6 +15,7 @@ from rigctl.analysis.identity import Levels, certain_members
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
+from rigctl.analysis.sensors import SensorBudget, sensor_budget
 from rigctl.analysis.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
 from rigctl.effects.declaration import EffectParameter
 from rigctl.json_values import finite_or_none
@@ -316,6 +317,17 @@ class Diagnosis:
             return ()
         return tuple(dict.fromkeys([*exact.effects, *(name for names in exact.classes for name in names)]))
 
+    @cached_property
+    def sensors(self) -> SensorBudget | None:
+        """The errors of the calibrations beside the effects that are named; None if none are in the fit."""
+        return sensor_budget(self.best.fit) if self.effects else self.before.sensors
+
+    @property
+    def sensors_beside(self) -> str:
+        """The errors of sensors without which the named effects would leave more, in words; "" if none."""
+        sensors = self.sensors if self.effects else None
+        return sensors.explanation if sensors is not None and sensors.matters else ""
+
     @property
     def budgets(self) -> tuple[UncertaintyBudget, ...]:
         """What makes the fitted numbers uncertain, with the effects that are named."""
@@ -323,7 +335,7 @@ class Diagnosis:
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
-        sensors, exact = self.before.sensors, self.with_exact_sensors
+        sensors, exact = self.sensors, self.with_exact_sensors
         return {
             "runs": list(self.runs),
             "model": self.model,

@@ -50,17 +50,17 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     laws = [one.statement for one in diagnosis.laws if one.differs]
     facts.append(("its law", laws[0] if laws else ""))
     facts.append(("decided by", "; or ".join(diagnosis.decided_by)))
-    facts.append(("sensors", _exact(diagnosis)))
+    facts.append(("sensors", _sensors(diagnosis)))
     unsure = diagnosis.doubt or diagnosis.with_exact_sensors is not None
     tone: Tone = "open" if unsure else _TONES[diagnosis.verdict]
     return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts), diagnosis.first)
 
 
-def _exact(diagnosis: Diagnosis) -> str:
-    """What exact sensors would show, where the stated ones explain it as well; else ""."""
+def _sensors(diagnosis: Diagnosis) -> str:
+    """Their errors beside what is named, or what exact ones would show where errors explain it as well."""
     exact = diagnosis.with_exact_sensors
     if exact is None:
-        return ""
+        return f"beside it, {diagnosis.sensors_beside}" if diagnosis.sensors_beside else ""
     return f"if they were exact, {would_be_missing(exact)}"
 
 
