@@ -300,9 +300,9 @@ def _searched_with_sensors(
 ) -> tuple[ModelComparison, Search, RefittedSet]:
     """The comparison that is answered, its search and its best set.
 
-    Where only an uncertainty of sensors is stated, they are exact at first. If no effects then explain what is
-    left, errors of sensors are a part of the answer: alone, larger than stated, or within it beside an effect,
-    which with exact sensors may have been taken for another.
+    Where only an uncertainty of sensors is stated, they are exact at first. If no effects then explain what
+    is left, errors of sensors are a part of the answer: alone, larger than stated, or within it beside an
+    effect, which with exact sensors may have been taken for another.
     """
     search, found = _searched(before, most, on_progress)
     inexact = before.with_sensor_errors
