@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -22,25 +23,27 @@ from rigctl.report.answer import Answer
 from rigctl.report.diagnosis_answer import _certain, _fits, _not_distinguished, _sentence
 
 
-def test_numbered_progress_messages_are_thinned_and_others_are_all_shown() -> None:
+def test_counts_are_printed_at_growing_intervals_and_other_lines_at_once() -> None:
     said: list[str] = []
     time = iter(range(1000))
     tell = _thinned(said.append, lambda: float(next(time)))
     for number in range(1, 201):
-        tell(f"Repetition {number} of 200")
+        tell(f"Resampling the data: {number} of 200, about {200 - number} s left")
     tell("Fitting own")
-    assert said[0] == "Repetition 1 of 200"
-    assert said[-1] == "Fitting own"
-    assert 200 / 30 <= len(said) - 1 <= 200 / 30 + 1
+    *counts, last = said
+    assert last == "Fitting own"
+    at = [int(text.split(": ")[1].split()[0]) - 1 for text in counts]
+    assert at[:5] == [0, 2, 6, 14, 30]
+    assert {later - earlier for earlier, later in pairwise(at[5:])} == {30}
 
 
 def test_progress_goes_to_stderr_line_by_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress_display() as tell:
+    with progress_display("Beginning") as tell:
         for number in (1, 2, 3):
-            tell(f"Looking at {number} of 3")
+            tell(f"Looking: {number} of 3")
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.splitlines() == ["Looking at 1 of 3"]
+    assert printed.err.splitlines() == ["Looking: 1 of 3"]
 
 
 def test_an_answer_is_a_summary_line_followed_by_one_line_per_fact(

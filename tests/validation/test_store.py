@@ -61,7 +61,7 @@ def test_a_resumed_run_computes_only_the_missing_results(tmp_path: Path, workers
     assert [standing.done for standing in seen] == [4, 5, 6, 7, 8]
     assert seen[-1].left == 0.0
     assert seen[-1].failed == 2
-    assert str(seen[-1]).startswith("8 of 8, 2 failed")
+    assert str(seen[-1]).startswith("Trials: 8 of 8, 2 failed")
 
 
 def test_a_killed_process_loses_only_the_trial_in_progress(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.model.fit.fit import FitResult, fit, without_derived
 from rigctl.model.value_table import stated_values
-from rigctl.tasks import Workers, map_tasks, seed_of
+from rigctl.tasks import Countdown, Workers, map_tasks, seed_of
 from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
@@ -139,14 +139,8 @@ def bootstrap(
     clusters = groups if by == "condition" else list(range(len(groups)))
     count = len(set(clusters))
     work = partial(_repeated, without_derived(fitted), tuple(clusters), seed)
-
-    def report(done: int, total: int) -> None:
-        if on_progress is not None:
-            on_progress(f"Repetition {done} of {total}")
-
-    estimates: dict[int, Floats | None] = dict(
-        map_tasks(work, range(repetitions), workers, on_progress=report)
-    )
+    done = None if on_progress is None else Countdown("Resampling the data", on_progress)
+    estimates: dict[int, Floats | None] = dict(map_tasks(work, range(repetitions), workers, on_progress=done))
     ended = [values for number in sorted(estimates) if (values := estimates[number]) is not None]
     if len(ended) < min(_ENOUGH, repetitions):
         raise RigctlError(

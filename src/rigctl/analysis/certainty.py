@@ -24,6 +24,7 @@ from rigctl.analysis.search import Search
 from rigctl.analysis.size_scatter import SizeScatter
 from rigctl.analysis.text import against_identity
 from rigctl.model.fit.reached_bounds import decisive_bounds
+from rigctl.tasks import counted
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,8 @@ class Answer:
 
 def cross_validations(search: Search, best: RefittedSet) -> dict[str, CrossValidation | None]:
     """Cross-validation of each member of a set, at its fit; None for a single record."""
-    return {candidate.name: _cross_validation(search, best, candidate) for candidate in best.candidates}
+    predicted = counted(best.candidates, "Predicting the conditions left out", search.on_progress)
+    return {candidate.name: _cross_validation(search, best, candidate) for candidate in predicted}
 
 
 def _cross_validation(search: Search, best: RefittedSet, candidate: Candidate) -> CrossValidation | None:

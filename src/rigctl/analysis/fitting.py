@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,9 +193,17 @@ def fit_to_data(
     RigctlError
         there are fewer values than parameters, or the model cannot be simulated.
     """
-    on_progress(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
+    what = f"Fitting {model.name}" if refit else f"Simulating {model.name}"
+    on_progress(what)
+    steps = count(1)
     return fit_model(
-        model, data.measurements, data.noise, data.held_out, refit=refit, on_progress=on_progress
+        model,
+        data.measurements,
+        data.noise,
+        data.held_out,
+        refit=refit,
+        on_progress=on_progress,
+        iterated=lambda _: on_progress(f"{what}: step {next(steps)}"),
     )
 
 
@@ -220,6 +229,7 @@ def fit_model(
     *,
     refit: bool = True,
     on_progress: OnProgress = no_progress,
+    iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
     """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`.
 
@@ -229,7 +239,7 @@ def fit_model(
     problem = make_problem(
         model, measurements, noise.model, noise.ok, grown=noise.grown, progress=on_progress
     )
-    return fit_problem(problem, noise, held_out, refit=refit, on_progress=on_progress)
+    return fit_problem(problem, noise, held_out, refit=refit, on_progress=on_progress, iterated=iterated)
 
 
 @one_thread()

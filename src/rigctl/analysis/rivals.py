@@ -30,6 +30,7 @@ from rigctl.effects.declaration import Effect, qualified
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import condition_text, variable_units
 from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.tasks import counted
 from rigctl.units import parse_unit
 
 #: no cosine is given for a phase that holds less than this share of all that an effect does
@@ -113,8 +114,7 @@ class Rival:
 def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
     """For every member of the best set, the effects with which it may be confused."""
     rivals = []
-    for member in best.candidates:
-        search.on_progress(f"What could be taken for {member.name}")
+    for member in counted(best.candidates, "Looking for what could be mistaken for it", search.on_progress):
         tried = search.rivals(best, member)
         explained = search.explained(best, member)
         for trial, cos, d in tried:

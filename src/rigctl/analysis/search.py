@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from rigctl.analysis.candidates import at_sizes
+from rigctl.analysis.candidates import Candidate, at_sizes
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import (
     ALIKE,
@@ -25,6 +25,7 @@ from rigctl.analysis.decision_levels import (
 )
 from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.analysis.linearisation import linearise
+from rigctl.analysis.linearised_set import View
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.pair_gains import pair_gains
 from rigctl.analysis.refit import RefittedSet
@@ -33,6 +34,7 @@ from rigctl.analysis.refitted_sets import MOST_RIVALS, RefittedSets
 from rigctl.analysis.score_test import Score, screen
 from rigctl.analysis.separability import cosine, separation, softened
 from rigctl.errors import RigctlError
+from rigctl.tasks import counted
 
 _BEST = 3
 _PAIRS = 2
@@ -117,11 +119,10 @@ class Search(RefittedSets):
         if self.of_few_rows:
             chosen = self._near_alone([score.effect for score in by_gain])
         by_name = {score.effect: score for score in scores}
-        for effect in chosen[: None if self.of_few_rows else _BEST + MOST_RIVALS]:
-            score = by_name[effect]
-            if score.gain > 0.0 or self.of_few_rows:
-                self.on_progress(f"Refitting with {effect}")
-                self.refitted((lin.candidates[score.candidate],), self.none)
+        few = [by_name[effect] for effect in chosen[: None if self.of_few_rows else _BEST + MOST_RIVALS]]
+        worth = [score for score in few if score.gain > 0.0 or self.of_few_rows]
+        for score in counted(worth, "Refitting with each of the likely effects", self.on_progress):
+            self.refitted((lin.candidates[score.candidate],), self.none)
 
     def promised(self, score: Score) -> float:
         """The reduction of χ² by an effect: as fitted by itself if it was, else by the linear problem."""
@@ -142,8 +143,7 @@ class Search(RefittedSets):
     def _near_alone(self, effects: Sequence[str]) -> list[str]:
         """The effects that come close to the best one when each is fitted by itself."""
         scores = {score.effect: score for score in self.before.screening.scores}
-        for effect in effects:
-            self.on_progress(f"Fitting with {effect} alone")
+        for effect in counted(effects, "Fitting with each effect alone", self.on_progress):
             candidate = self.before.linearisation.candidates[scores[effect].candidate]
             from_null = scores[effect].gain > 0.0
             rival = min((one.chi2 for one in self.alone.values() if one is not None), default=math.inf)
@@ -191,8 +191,8 @@ class Search(RefittedSets):
         most = _PAIRS
         if self.in_own_scale and promising:  # an effect and its twin at another location promise the same
             most = sum(score.gain >= _TWIN * promising[0].gain for score in promising[:_TWINS])
-        for name in [score.effect for score in promising][: max(most, _PAIRS)]:
-            self.on_progress(f"Refitting with {name}")
+        names = [score.effect for score in promising][: max(most, _PAIRS)]
+        for name in counted(names, "Refitting from finite sizes", self.on_progress):
             for one in (one for one in sized if one.name == name):
                 self.refitted_also_from((one,), self.none)
 
@@ -218,8 +218,8 @@ class Search(RefittedSets):
         without = [
             chosen for gain, chosen in pairs if gain > WORTH and not {c.name for c in chosen} & members
         ]
-        for chosen in better + [one for one in without[: _PAIRS if members else 0] if one not in better]:
-            self.on_progress(f"Refitting with {chosen[0].name} and {chosen[1].name}")
+        both = better + [one for one in without[: _PAIRS if members else 0] if one not in better]
+        for chosen in counted(both, "Refitting with pairs of effects", self.on_progress):
             self.refitted(chosen, self.none)
         if best.candidates:
             self._forward(best)
@@ -243,7 +243,7 @@ class Search(RefittedSets):
                 break
             if best.effects[0] in {one.name for one in chosen}:
                 continue
-            self.on_progress(f"Refitting with {chosen[0].name} and {chosen[1].name}")
+            self.on_progress("Refitting with other pairs of effects")
             instead = self.refitted(chosen, self.none)
             tried += [] if instead is None else [instead]
         instead = self.least(tried)
@@ -264,23 +264,30 @@ class Search(RefittedSets):
 
     def _exchanges(self, best: RefittedSet) -> list[RefittedSet]:
         view = self.with_discrepancies(best)
-        sets = []
-        for score in sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
-            candidate = view.linearisation.candidates[score.candidate]
-            for member in best.candidates if score.gain > WORTH else ():
-                self.on_progress(f"Refitting with {candidate.name} for {member.name}")
-                rest = tuple(one for one in best.candidates if one is not member)
-                sets.append(self.refitted((*rest, candidate), best))
+        exchanges = [
+            (*(one for one in best.candidates if one is not member), candidate)
+            for candidate in self._next_candidates(view)
+            for member in best.candidates
+        ]
+        sets = [
+            self.refitted(chosen, best)
+            for chosen in counted(exchanges, "Refitting with one effect for another", self.on_progress)
+        ]
         return [trial for trial in sets if trial is not None]
 
     def _forward(self, best: RefittedSet) -> None:
         """Refit `best` with each of the effects for which its own linearisation predicts the largest gain."""
         view = self.with_discrepancies(best)
-        for score in sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
-            if score.gain > WORTH:
-                candidate = view.linearisation.candidates[score.candidate]
-                self.on_progress(f"Refitting with {' and '.join([*best.effects, candidate.name])}")
-                self.refitted((*best.candidates, candidate), best)
+        for candidate in counted(
+            self._next_candidates(view), "Refitting with one more effect", self.on_progress
+        ):
+            self.refitted((*best.candidates, candidate), best)
+
+    @staticmethod
+    def _next_candidates(view: View) -> list[Candidate]:
+        """The candidates for which the linearisation of a set predicts the largest gain."""
+        scores = sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]
+        return [view.linearisation.candidates[one.candidate] for one in scores if one.gain > WORTH]
 
     def _backward(self, best: RefittedSet) -> RefittedSet:
         """`best` without members that do not lower mBIC, or explain no more than another law's shape may."""

@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from time import monotonic
 
 from rigctl.analysis.adequacy import Adequacy, adequacy, variance_factor
 from rigctl.analysis.candidates import Candidate
@@ -26,7 +25,7 @@ from rigctl.discovery.grammar import DISTANCES
 from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult, without_derived
-from rigctl.tasks import Workers, map_tasks
+from rigctl.tasks import Countdown, Workers, map_tasks
 
 #: number of formulas that are refitted, and of those that are started at several scales
 FIRST, SEVERAL = 12, 4
@@ -81,14 +80,9 @@ def refit_formulas(
     work = partial(_refitted, without_derived(fit), samples, tried)
 
     def refitted(pieces: Sequence[tuple[Formula, Formula]], what: str) -> list[Fitted | None]:
-        began = monotonic()
-
-        def report(done: int, total: int) -> None:
-            remaining = _remaining_text((monotonic() - began) / done * (total - done))
-            on_progress(f"{what}: {done} of {total}{remaining}")
-
         on_progress(what)
-        results = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=report))
+        done = Countdown(what, on_progress)
+        results = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=done))
         return [results[index] for index in range(len(pieces))]
 
     first = refitted([(one, one) for one in _chosen(formulas)], "Refitting with formulas")
@@ -161,10 +155,6 @@ def _simpler(formula: Formula) -> Formula | None:
         return None
     best = min(simpler, key=lambda one: one.cost)
     return replace(best, same=(replace(formula, same=()), *(one for one in formula.same if one is not best)))
-
-
-def _remaining_text(seconds: float) -> str:
-    return f", about {seconds:.0f} s left" if seconds >= 1.0 else ""
 
 
 @one_thread()

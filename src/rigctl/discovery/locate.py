@@ -26,6 +26,7 @@ from rigctl.effects.drivers import Driver
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.splines import SplineArgument
 from rigctl.physics.family import Slot
+from rigctl.tasks import counted
 
 Floats = NDArray[np.float64]
 
@@ -169,10 +170,8 @@ def locate(
     slots = [slot for slot in opened.slots if only is None or slot.name == only]
     tried: list[Located] = []
     seen_at = _Thinned(opened)
-    for first in range(0, len(slots), _AT_ONCE):
-        chosen = slots[first : first + _AT_ONCE]
-        names = ", ".join(slot.name for slot in chosen)
-        on_progress(f"Testing {names}: locations {first + 1} to {first + len(chosen)} of {len(slots)}")
+    batches = [slots[first : first + _AT_ONCE] for first in range(0, len(slots), _AT_ONCE)]
+    for chosen in counted(batches, "Testing places in the equations", on_progress):
         tried += _at_slots(opened, chosen, seen_at)
     singles = sorted(_one_place_each(tried), key=lambda one: one.cost(samples))
     seen = [one for one in singles if one.dof]

@@ -24,12 +24,10 @@ from rigctl.monitoring.entries import Entries, Entry, entries_of
 from rigctl.monitoring.evaluation import Failure, Plan, Reading, measured, problem_of, read_entry
 from rigctl.monitoring.multiplicity import Quantity, judge
 from rigctl.monitoring.result import Line, Survey
-from rigctl.tasks import Workers, map_tasks
+from rigctl.tasks import Countdown, Workers, map_tasks
 
 #: number of entries tried for the starting values of the fits
 _TRIED: Final = 5
-#: number of progress reports over the whole
-_OFTEN: Final = 50
 
 
 @checks_argument_types
@@ -258,11 +256,6 @@ def _read(
     doing: str,
 ) -> list[Reading | Failure]:
     """Every entry evaluated with the plan, in order, here or in worker processes."""
-    every = max(1, len(entries) // _OFTEN)
-
-    def on_done(done: int, total: int) -> None:
-        if done % every == 0 or done == total:
-            report(f"{doing}: {done} of {total}")
-
-    outcomes = dict(map_tasks(partial(read_entry, plan), entries, workers, on_progress=on_done))
+    done = Countdown(doing, report)
+    outcomes = dict(map_tasks(partial(read_entry, plan), entries, workers, on_progress=done))
     return [outcomes[k] for k in range(len(entries))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from rigctl.report.run_data import RunData, read_run
 from rigctl.report.section import Section
 from rigctl.report.sections import SECTIONS
 from rigctl.report.sections.outcome import ended_well
+from rigctl.tasks import counted
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ def write_report(
     form: str = "png",
     sections: Sequence[Section] = (),
     force: bool = False,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Report:
     """Write one self-contained HTML page about the runs, completely or not at all.
 
@@ -54,6 +56,7 @@ def write_report(
     form: of these, ``png`` or ``svg``.
     sections: sections from other parts of rigctl about these runs; shown after the outcome.
     force: replace any existing file, except those of a run.
+    on_progress: called with a description of each step.
 
     Raises
     ------
@@ -68,7 +71,8 @@ def write_report(
     require_output(output, replaces=is_page, force=force)
     if not runs:
         raise RigctlError("a report needs at least one run")
-    data = [read_run(run) for run in runs]
+    data = [read_run(run) for run in counted(runs, "Reading the runs", on_progress)]
+    on_progress(f"Writing {output.as_posix()}")
     parts = assemble(data, sections)
     html = page(data, parts)
     drawn: tuple[Path, ...] = ()
@@ -78,7 +82,8 @@ def write_report(
         require_outputs(files, replaces=is_figure, force=force)
     write_text(output, html)
     if figures is not None:
-        drawn = tuple(_draw(plot, figures, form) for part in parts for plot in part.plots)
+        plots = [plot for part in parts for plot in part.plots]
+        drawn = tuple(_draw(plot, figures, form) for plot in counted(plots, "Drawing figures", on_progress))
     return Report(output, drawn, tuple(run.id for run in data), output.stat().st_size)
 
 

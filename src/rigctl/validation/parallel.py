@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 from rigctl.errors import RigctlError
 from rigctl.tasks import Workers, map_tasks
+from rigctl.tasks.countdown import duration_text
 from rigctl.validation.outcome import AnyTrial, TrialOutcome
 from rigctl.validation.store import ResultStore
 
@@ -30,9 +31,9 @@ class BenchmarkProgress:
     last: TrialOutcome[Any] | None = None
 
     def __str__(self) -> str:
-        remaining = f", about {_duration(self.left)} left" if math.isfinite(self.left) else ""
+        remaining = f", about {duration_text(self.left)} left" if math.isfinite(self.left) else ""
         failed = f", {self.failed} failed" if self.failed else ""
-        return f"{self.done} of {self.total}{failed}, {_duration(self.elapsed)} so far{remaining}"
+        return f"Trials: {self.done} of {self.total}{failed}, {duration_text(self.elapsed)} so far{remaining}"
 
 
 def run_scenarios(
@@ -79,11 +80,3 @@ def attempt(work: Work[AnyTrial], scenario: AnyTrial) -> TrialOutcome[AnyTrial]:
     except (RigctlError, ArithmeticError, ValueError) as problem:
         message = f"{type(problem).__name__}: {problem}"
         return TrialOutcome(scenario, failure=message, seconds=time.process_time() - began)
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return (
-        f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
-    )

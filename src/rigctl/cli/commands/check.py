@@ -12,7 +12,7 @@ import typer
 from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.options.family import FamilyOption, check_family_of
 from rigctl.cli.options.procedure import ArgumentOption
-from rigctl.cli.progress import first_sign
+from rigctl.cli.progress import progress_display
 from rigctl.errors import RigctlError
 
 #: a plan's tree is wide
@@ -55,12 +55,12 @@ def check(
 
 
 def _check_other(kind: str, path: Path, rig: Path | None, arg: Sequence[str], *, as_json: bool) -> None:
-    from rigctl.cli.commands.check_files import describe, lines
-
     if rig is not None or arg:
         what = f"--rig and --arg are for procedures, and this is a {kind} file"
         raise RigctlError(what, value=path.as_posix())
-    with first_sign(f"Reading {path.as_posix()}"):
+    with progress_display(f"Reading {path.as_posix()}"):
+        from rigctl.cli.commands.check_files import describe, lines
+
         document = describe(kind, path)
     if as_json:
         echo_json(json.dumps(document, indent=1, ensure_ascii=False))
@@ -73,13 +73,13 @@ def _check_procedure(
 ) -> None:
     from datetime import UTC, datetime
 
-    from rigctl.cli.plans import open_plan
-    from rigctl.planning import preview
-    from rigctl.planning.document import as_document
-    from rigctl.planning.outline import outline
-    from rigctl.planning.rates import refuse_rates
+    with progress_display(f"Reading {procedure.as_posix()}"):
+        from rigctl.cli.plans import open_plan
+        from rigctl.planning import preview
+        from rigctl.planning.document import as_document
+        from rigctl.planning.outline import outline
+        from rigctl.planning.rates import refuse_rates
 
-    with first_sign(f"Reading {procedure}"):
         plan = open_plan(procedure, rig, arg)
         check_family_of(plan.rig)
         refuse_rates(plan)

@@ -149,19 +149,20 @@ def compare(
 
       rigctl compare latest --model models/hl32-textbook.yaml@1 --model models/hl32-textbook.yaml
     """
-    from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.tables import print_json
-    from rigctl.cli.views.compare import show_comparison, show_fmu_rivals
-    from rigctl.command_line import DataOptions
-    from rigctl.files.quantity import Q
 
-    require_page(output, force=force)
-    fmus = _require_fmus(rival or ())
-    patience = Q("s", positive=True).read(rival_timeout)
-    models = open_models(model)
-    opened = open_runs(runs, models[0], assume)
-    with progress_display("nothing was saved") as on_progress:
+    with progress_display("Reading the records", "nothing was saved") as on_progress:
+        from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
+        from rigctl.cli.tables import print_json
+        from rigctl.cli.views.compare import show_comparison, show_fmu_rivals
+        from rigctl.command_line import DataOptions
+        from rigctl.files.quantity import Q
+
+        require_page(output, force=force)
+        fmus = _require_fmus(rival or ())
+        patience = Q("s", positive=True).read(rival_timeout)
+        models = open_models(model)
+        opened = open_runs(runs, models[0], assume)
         comparison, versions = compare_with_versions(
             opened,
             models,
@@ -172,12 +173,13 @@ def compare(
             on_progress=on_progress,
         )
         rivals = _rivals(fmus, comparison, on_progress, patience)
-    if output is not None:
-        from rigctl.report.analysis import comparison_sections, history_sections
+        if output is not None:
+            from rigctl.report.analysis import comparison_sections, history_sections
 
-        path = models[-1].path
-        last = [] if path is None else history_sections(path, versions)
-        write_page(opened, output, [*comparison_sections(comparison), *last], force=force)
+            on_progress(f"Writing {output.as_posix()}")
+            path = models[-1].path
+            last = [] if path is None else history_sections(path, versions)
+            write_page(opened, output, [*comparison_sections(comparison), *last], force=force)
     if as_json:
         rival_documents = {"rivals": [one.document() for one in rivals]} if rivals else {}
         print_json({**_document(comparison), **rival_documents})

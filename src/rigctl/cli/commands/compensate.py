@@ -118,27 +118,28 @@ def compensate(
     missing = [name for name, value in named.items() if not value]
     if model is None or keep is None or vary is None or over is None:
         raise RigctlError("a schedule needs more", expected=", ".join(missing))
-    from rigctl.cli.analysis_page import require_page, write_page
-    from rigctl.cli.commands.compare import open_models, open_runs
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.tables import print_json
-    from rigctl.cli.views.compensate import show_schedule
-    from rigctl.compensation.schedule import compensate as compensated
 
-    written = output or []
-    _require(written, force=force)
-    require_page(page, force=force)
-    (opened,) = open_models([model])
-    measured = open_runs(chosen, opened)
-    with progress_display("nothing was saved") as on_progress:
+    with progress_display("Reading the records", "nothing was saved") as on_progress:
+        from rigctl.cli.analysis_page import require_page, write_page
+        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.cli.tables import print_json
+        from rigctl.cli.views.compensate import show_schedule
+        from rigctl.compensation.schedule import compensate as compensated
+
+        written = output or []
+        _require(written, force=force)
+        require_page(page, force=force)
+        (opened,) = open_models([model])
+        measured = open_runs(chosen, opened)
         schedule = compensated(
             measured, opened, keep=keep, vary=vary, over=over, rows=rows, seed=seed, on_progress=on_progress
         )
-    _write(schedule, written)
-    if page is not None:
-        from rigctl.report.analysis import compensation_sections
+        _write(schedule, written)
+        if page is not None:
+            from rigctl.report.analysis import compensation_sections
 
-        write_page(measured, page, compensation_sections(schedule), force=force)
+            write_page(measured, page, compensation_sections(schedule), force=force)
     if as_json:
         print_json(schedule.document())
     else:

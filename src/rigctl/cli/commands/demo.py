@@ -160,7 +160,7 @@ def _compare(run: Run, model: Path, console: Console, hold_out: str | None = Non
     from rigctl.cli.progress import progress_display
     from rigctl.model import load_model
 
-    with progress_display() as on_progress:
+    with progress_display("Reading the records") as on_progress:
         compared = compare([run], [load_model(model)], hold_out=hold_out, on_progress=on_progress)
     wrong = [one.text for one in compared.models[0].trends if one.wrong_sign and one.matters]
     statement = f"wrong direction: {wrong[0]}" if wrong else compared.models[0].statement
@@ -188,8 +188,7 @@ def _asking(directory: Path, model: Path, published: Comparison) -> Iterator[Cal
     ) as process:
 
         def answer() -> dict[str, Any]:
-            with progress_display() as on_progress:
-                on_progress("Diagnosing the published strokes")
+            with progress_display("Diagnosing the published strokes"):
                 printed, complaint = process.communicate()
             if process.returncode:
                 *_, why = complaint.decode("utf-8", "replace").strip().splitlines() or [""]
@@ -213,7 +212,7 @@ def _mend(path: Path, run: Run, console: Console) -> tuple[Comparison, Improveme
 
     console.print(f"[bold]4[/] The textbook model compared with it: {path.as_posix()}")
     compared = _compare(run, path, console, _HELD_OUT)
-    with progress_display() as on_progress:
+    with progress_display("Looking for what the model lacks") as on_progress:
         return compared, improve(compared, path, sure=True, on_progress=on_progress)
 
 

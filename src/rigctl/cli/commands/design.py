@@ -97,27 +97,28 @@ def design(
 
       rigctl design latest --model models/hl32-textbook.yaml --budget 30m --records 2
     """
-    from rigctl.cli.analysis_page import require_page
-    from rigctl.cli.commands.compare import open_models, open_runs
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.tables import print_json
-    from rigctl.cli.views.design import show_design
-    from rigctl.command_line import DataOptions
-    from rigctl.dataset.outputs import is_designed, require_output
-    from rigctl.design.design import design_experiment
-    from rigctl.tasks import Workers
 
-    at = Workers(workers, cluster=cluster) if workers or cluster else None
-    seconds = None if budget is None else read_budget(budget)
-    pair = None if separate is None else read_pair(separate)
-    if output is not None:
-        require_output(output, replaces=is_designed, force=force)
-    if sheet is not None:
-        require_output(sheet, option="")
-    require_page(page, force=force)
-    (opened,) = open_models([model])
-    measured = open_runs(runs, opened, assume)
-    with progress_display("nothing was saved") as on_progress:
+    with progress_display("Reading the records", "nothing was saved") as on_progress:
+        from rigctl.cli.analysis_page import require_page
+        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.cli.tables import print_json
+        from rigctl.cli.views.design import show_design
+        from rigctl.command_line import DataOptions
+        from rigctl.dataset.outputs import is_designed, require_output
+        from rigctl.design.design import design_experiment
+        from rigctl.tasks import Workers
+
+        at = Workers(workers, cluster=cluster) if workers or cluster else None
+        seconds = None if budget is None else read_budget(budget)
+        pair = None if separate is None else read_pair(separate)
+        if output is not None:
+            require_output(output, replaces=is_designed, force=force)
+        if sheet is not None:
+            require_output(sheet, option="")
+        require_page(page, force=force)
+        (opened,) = open_models([model])
+        measured = open_runs(runs, opened, assume)
         result = design_experiment(
             measured,
             opened,
@@ -131,12 +132,13 @@ def design(
             workers=at,
             on_progress=on_progress,
         )
-    if output is not None and result.procedure:
-        _write_procedure(output, result)
-    if sheet is not None and result.records:
-        _write_sheet(sheet, result)
-    if page is not None:
-        _write_page(measured, page, result, force=force)
+        if output is not None and result.procedure:
+            _write_procedure(output, result)
+        if sheet is not None and result.records:
+            _write_sheet(sheet, result)
+        if page is not None:
+            on_progress(f"Writing {page.as_posix()}")
+            _write_page(measured, page, result, force=force)
     if as_json:
         print_json(result.as_json())
     else:

@@ -109,25 +109,26 @@ def diagnose(
 
       rigctl diagnose latest --model models/hl32-textbook.yaml --apply --hold-out "oil == 60 degC"
     """
-    from rigctl.analysis.diagnosis import diagnose_comparison
-    from rigctl.analysis.improve import improve
-    from rigctl.cli.commands.compare import open_runs
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.tables import print_json
-    from rigctl.cli.views.diagnose import show_diagnosis, show_improvement
-    from rigctl.command_line import DataOptions
-    from rigctl.project import own_model
-    from rigctl.tasks import Workers
 
-    _require_no_apply(apply, design=design, bootstrap=bool(repetitions))
-    _require_bootstrap(repetitions, workers=workers, cluster=cluster)
-    at = Workers(workers, cluster=cluster)
-    _require_places(output, laws, force=force)
-    limit = ["--max-effects", str(most)] if most != _MOST else []
-    path = own_model(model) if apply else model
-    choice = DataOptions(only, hold_out, assume or (), family)
     message = "the steps saved so far are kept" if apply else "nothing was saved"
-    with progress_display(message) as on_progress:
+    with progress_display("Reading the records", message) as on_progress:
+        from rigctl.analysis.diagnosis import diagnose_comparison
+        from rigctl.analysis.improve import improve
+        from rigctl.cli.commands.compare import open_runs
+        from rigctl.cli.tables import print_json
+        from rigctl.cli.views.diagnose import show_diagnosis, show_improvement
+        from rigctl.command_line import DataOptions
+        from rigctl.project import own_model
+        from rigctl.tasks import Workers
+
+        _require_no_apply(apply, design=design, bootstrap=bool(repetitions))
+        _require_bootstrap(repetitions, workers=workers, cluster=cluster)
+        at = Workers(workers, cluster=cluster)
+        _require_places(output, laws, force=force)
+        limit = ["--max-effects", str(most)] if most != _MOST else []
+        path = own_model(model) if apply else model
+        choice = DataOptions(only, hold_out, assume or (), family)
         compared = _compared(runs, path, choice, on_progress, resampled=bool(repetitions))
         if apply:
             done = improve(compared, path, most=most, on_progress=on_progress)
@@ -142,14 +143,15 @@ def diagnose(
             from rigctl.design.design import with_next_experiment
 
             diagnosis, next_one = with_next_experiment(diagnosis, open_runs(runs), on_progress=on_progress)
-    if apply:
-        done = replace(done, last=_with_files(done.last, laws))
-    else:
-        diagnosis = _with_files(diagnosis, laws)
-    if output is not None:
-        _write_page(
-            open_runs(runs), output, compared, done if apply else diagnosis, path, next_one, force=force
-        )
+        if apply:
+            done = replace(done, last=_with_files(done.last, laws))
+        else:
+            diagnosis = _with_files(diagnosis, laws)
+        if output is not None:
+            on_progress(f"Writing {output.as_posix()}")
+            _write_page(
+                open_runs(runs), output, compared, done if apply else diagnosis, path, next_one, force=force
+            )
     if as_json:
         print_json(done.document() if apply else diagnosis.document())
     elif apply:

@@ -67,26 +67,27 @@ def discover(
 
       rigctl discover latest --model models/hl32-textbook.yaml --slot friction -o effects/
     """
-    from rigctl.cli.analysis_page import require_page
-    from rigctl.cli.commands.compare import open_models, open_runs
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.tables import print_json
-    from rigctl.cli.views.discover import show_discovery
-    from rigctl.command_line import DataOptions
-    from rigctl.dataset.outputs import require_folder
-    from rigctl.discovery.discover import discover as discovered
-    from rigctl.discovery.discover import require_slot
-    from rigctl.discovery.written_effects import write_files
-    from rigctl.tasks import Workers
 
-    if output is not None:
-        require_folder(output)
-    require_page(page, force=force)
-    (opened,) = open_models([model])
-    require_slot(opened.family, slot)
-    choice = DataOptions(only, hold_out, assume or (), family)
-    measured = open_runs(runs, opened, choice.assume)
-    with progress_display("nothing was saved") as on_progress:
+    with progress_display("Reading the records", "nothing was saved") as on_progress:
+        from rigctl.cli.analysis_page import require_page
+        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.cli.tables import print_json
+        from rigctl.cli.views.discover import show_discovery
+        from rigctl.command_line import DataOptions
+        from rigctl.dataset.outputs import require_folder
+        from rigctl.discovery.discover import discover as discovered
+        from rigctl.discovery.discover import require_slot
+        from rigctl.discovery.written_effects import write_files
+        from rigctl.tasks import Workers
+
+        if output is not None:
+            require_folder(output)
+        require_page(page, force=force)
+        (opened,) = open_models([model])
+        require_slot(opened.family, slot)
+        choice = DataOptions(only, hold_out, assume or (), family)
+        measured = open_runs(runs, opened, choice.assume)
         discovery = discovered(
             measured,
             opened,
@@ -96,10 +97,11 @@ def discover(
             workers=Workers(cluster=cluster) if cluster is not None else None,
             on_progress=on_progress,
         )
-    if output is not None:
-        discovery = write_files(discovery, output)
-    if page is not None:
-        _write_page(measured, page, discovery, force=force)
+        if output is not None:
+            discovery = write_files(discovery, output)
+        if page is not None:
+            on_progress(f"Writing {page.as_posix()}")
+            _write_page(measured, page, discovery, force=force)
     if as_json:
         print_json(discovery.document())
     else:

@@ -117,7 +117,7 @@ def _fitted(proposal: Proposal, root: Path, run: Path) -> FitResult:
     from rigctl.dataset import open_run
     from rigctl.model import load_model
 
-    with progress_display("the files are there") as on_progress:
+    with progress_display("Reading the records", "the files are there") as on_progress:
         model = load_model(root / proposal.model)
         data = read_runs(model, [open_run(run)], on_progress=on_progress)
         return fit_to_data(model, data, on_progress=on_progress)

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import echo, echo_json
-from rigctl.cli.progress import first_sign
+from rigctl.cli.progress import progress_display
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
 
 if TYPE_CHECKING:
     from rigctl.dataset.importing import Imported
     from rigctl.dataset.importing.options import Options
-    from rigctl.rig import Rig
+    from rigctl.dataset.importing.preview import Preview
 
 #: most bad rows that are reported one by one
 _TOLD = 20
@@ -150,50 +150,60 @@ def import_(
 
     Example: rigctl import mon.csv tue.csv --rig rigs/heater-board.yaml --mapping lab.yaml --assume heater_2=0
     """
-    from rigctl.dataset.importing import import_files
-    from rigctl.dataset.importing.log_format import with_log_format
-    from rigctl.dataset.importing.mapping import require_same_mapping
-    from rigctl.dataset.importing.mapping import save_mapping as save
-    from rigctl.files.write import to_json
-    from rigctl.project import find_file, find_project
-    from rigctl.rig import load_rig
-
     if output is not None and not dry_run:
         raise RigctlError(
             "--output is the figure of a dry run", value=str(output), expected="--dry-run with it"
         )
-    options = _options(
-        heading=heading,
-        columns=columns,
-        assume=assume,
-        missing=missing,
-        choices={
-            "dates": dates,
-            "zone": zone,
-            "times": times,
-            "split": split,
-            "resample": resample,
-            "encoding": encoding,
-            "delimiter": delimiter,
-            "decimal": decimal,
-        },
-        mapping=mapping,
-    )
-    paths = [find_file(file) for file in files]
-    bench = load_rig(find_file(rig)) if rig is not None else None
-    if mapping is None:
-        options = with_log_format(options, bench)
-    if save_mapping is not None:  # before there is a run, or a picture of it
-        require_same_mapping(save_mapping, options)
-    if dry_run:
-        _show(paths, bench, options, output, as_json=as_json)
+    with progress_display(f"Reading {', '.join(file.name for file in files)}") as on_progress:
+        from rigctl.dataset.importing import import_files
+        from rigctl.dataset.importing.log_format import with_log_format
+        from rigctl.dataset.importing.mapping import require_same_mapping
+        from rigctl.dataset.importing.mapping import save_mapping as save
+        from rigctl.dataset.importing.preview import preview_files
+        from rigctl.files.write import to_json
+        from rigctl.project import find_file, find_project
+        from rigctl.rig import load_rig
+
+        options = _options(
+            heading=heading,
+            columns=columns,
+            assume=assume,
+            missing=missing,
+            choices={
+                "dates": dates,
+                "zone": zone,
+                "times": times,
+                "split": split,
+                "resample": resample,
+                "encoding": encoding,
+                "delimiter": delimiter,
+                "decimal": decimal,
+            },
+            mapping=mapping,
+        )
+        paths = [find_file(file) for file in files]
+        bench = load_rig(find_file(rig)) if rig is not None else None
+        if mapping is None:
+            options = with_log_format(options, bench)
+        if save_mapping is not None:  # before there is a run, or a picture of it
+            require_same_mapping(save_mapping, options)
+        if dry_run:
+            preview = preview_files(paths, bench, options)
+        else:
+            done = import_files(
+                paths,
+                bench,
+                find_project().runs,
+                options,
+                keep_good=keep_good,
+                name=name,
+                on_progress=on_progress,
+            )
         if save_mapping is not None:
             save(save_mapping, options)
+    if dry_run:
+        _show(preview, paths[0], output, as_json=as_json)
         return
-    with first_sign(f"Reading {', '.join(path.name for path in paths)}"):
-        done = import_files(paths, bench, find_project().runs, options, keep_good=keep_good, name=name)
-    if save_mapping is not None:
-        save(save_mapping, options)
     if not as_json:
         echo(done.run)
     _report_import(done, paths[0])
@@ -205,17 +215,13 @@ def import_(
         _lead_on(rig, done.path)
 
 
-def _show(
-    paths: list[Path], rig: Rig | None, options: Options, output: Path | None, *, as_json: bool
-) -> None:
+def _show(preview: Preview, file: Path, output: Path | None, *, as_json: bool) -> None:
     """Show what would be read; errors in it go to stderr."""
     from rigctl.cli.views.import_preview import show_preview, write_preview
-    from rigctl.dataset.importing.preview import preview_files
     from rigctl.files.write import to_json
 
-    preview = preview_files(paths, rig, options)
     for fault in preview.faults[:_TOLD]:
-        echo(f"bad: {fault.error(paths[0])}", err=True)
+        echo(f"bad: {fault.error(file)}", err=True)
     if preview.bad_rows > _TOLD:
         echo(f"bad: {preview.bad_rows - _TOLD} more rows", err=True)
     for note in preview.notes:

@@ -159,7 +159,8 @@ def learn(
             find_project().runs,
             ask,
             working=lambda: progress_display(
-                "measurements and additions are kept; 'rigctl learn --resume' continues"
+                "Reading the records",
+                "measurements and additions are kept; 'rigctl learn --resume' continues",
             ),
             on_round=lambda one: None if as_json else show_round(one),
         )

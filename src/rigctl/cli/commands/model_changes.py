@@ -49,7 +49,7 @@ def carry_out(
     RigctlError
         the records or the model are not suitable.
     """
-    with progress_display("nothing was saved") as on_progress:
+    with progress_display("Reading the records", "nothing was saved") as on_progress:
         opened = open_runs(runs, load_model(path), wanted.assume) if runs else []
         changed = change_model(path, wanted, opened, on_progress=on_progress)
     print_json(changed.document()) if as_json else _show(changed, family, verbose=verbose)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +13,7 @@ from rigctl.cli.commands.compare import Assume
 from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.options.cache import NoCache, Verbose
 from rigctl.cli.options.family import FamilyOption
-from rigctl.cli.progress import first_sign
+from rigctl.cli.progress import progress_display
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
@@ -80,22 +81,27 @@ def report(
 
       rigctl report 20261121-0900 20261122-0900 -o both-days.html --figures figures --format svg
     """
-    from rigctl.cli.analysis_page import require_page
-    from rigctl.cli.commands.compare import open_models, open_runs
-    from rigctl.files.write import to_json
-    from rigctl.report import write_report
-
     _require_model(model, diagnose=diagnose, assume=assume)
-    with first_sign("Reading the runs"):
+    with progress_display("Reading the runs", "nothing was saved") as on_progress:
+        from rigctl.cli.analysis_page import require_page
+        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.files.write import to_json
+        from rigctl.report import write_report
+
         models = open_models(model or ())
         opened = open_runs(runs, models[0] if models else None, assume)
-    first, more = opened[0].id, len(opened) - 1
-    target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
-    require_page(target, force=force)
-    sections = _analysis(opened, models, diagnose=diagnose) if models else []
-    with first_sign(f"Writing {target.as_posix()}"):
+        first, more = opened[0].id, len(opened) - 1
+        target = output or Path(f"{first}-and-{more}-more.html" if more else f"{first}.html")
+        require_page(target, force=force)
+        sections = _analysis(opened, models, on_progress, diagnose=diagnose) if models else []
         written = write_report(
-            opened, target, figures=figures, form=form.value, sections=sections, force=force
+            opened,
+            target,
+            figures=figures,
+            form=form.value,
+            sections=sections,
+            force=force,
+            on_progress=on_progress,
         )
     if as_json:
         facts = {
@@ -120,22 +126,22 @@ def _require_model(model: list[Path] | None, *, diagnose: bool, assume: list[str
         raise RigctlError("--assume gives an input of a model, and no model was named", hint=named)
 
 
-def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[Section]:
+def _analysis(
+    runs: list[Run], models: list[Model], on_progress: Callable[[str], None], *, diagnose: bool
+) -> list[Section]:
     """What the first model lacks, how the models agree with the runs, and how their error fell."""
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.cli.analysis_page import compare_with_versions
-    from rigctl.cli.progress import progress_display
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
 
-    with progress_display("nothing was saved") as on_progress:
-        comparison, versions = compare_with_versions(runs, models, on_progress=on_progress)
-        compared = comparison_sections(comparison, answered=diagnose)
-        path = models[-1].path
-        if path is not None:
-            compared += history_sections(path, versions)
-        if not diagnose:
-            return compared
-        missing = diagnose_comparison(
-            comparison.models[0], comparison.runs, notes=comparison.notes, on_progress=on_progress
-        )
-        return [*diagnosis_sections(missing), *compared]
+    comparison, versions = compare_with_versions(runs, models, on_progress=on_progress)
+    compared = comparison_sections(comparison, answered=diagnose)
+    path = models[-1].path
+    if path is not None:
+        compared += history_sections(path, versions)
+    if not diagnose:
+        return compared
+    missing = diagnose_comparison(
+        comparison.models[0], comparison.runs, notes=comparison.notes, on_progress=on_progress
+    )
+    return [*diagnosis_sections(missing), *compared]

@@ -113,27 +113,28 @@ def survey(
       rigctl survey all --where "started >= '2026-01-01'" --model models/pump.yaml --share delivery \\
         --effects none --over oil_temperature --alarm --junit survey.xml
     """
-    from rigctl.cli.analysis_page import require_page
-    from rigctl.cli.commands.compare import open_models
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.tables import print_json
-    from rigctl.cli.views.survey import show_survey
-    from rigctl.dataset.outputs import require_output
-    from rigctl.errors import ExitCode
-    from rigctl.monitoring.survey import survey as surveyed
-    from rigctl.tasks import Workers
 
-    at = Workers(workers, cluster=cluster)
-    require_page(output, force=force)
-    if junit is not None:
-        require_output(junit, force=force)
-    (opened,) = open_models([model])
     message = (
         "nothing was saved"
         if no_cache
         else "what has been read is kept, and the same command continues from there"
     )
-    with progress_display(message) as on_progress:
+    with progress_display("Reading the runs", message) as on_progress:
+        from rigctl.cli.analysis_page import require_page
+        from rigctl.cli.commands.compare import open_models
+        from rigctl.cli.tables import print_json
+        from rigctl.cli.views.survey import show_survey
+        from rigctl.dataset.outputs import require_output
+        from rigctl.errors import ExitCode
+        from rigctl.monitoring.survey import survey as surveyed
+        from rigctl.tasks import Workers
+
+        at = Workers(workers, cluster=cluster)
+        require_page(output, force=force)
+        if junit is not None:
+            require_output(junit, force=force)
+        (opened,) = open_models([model])
         measured, damaged = _opened(runs or ["all"], where)
         result = surveyed(
             measured,
@@ -149,14 +150,14 @@ def survey(
             workers=at,
             on_progress=on_progress,
         )
-    if output is not None:
-        from rigctl.report.analysis.survey import write_survey_page
+        if output is not None:
+            from rigctl.report.analysis.survey import write_survey_page
 
-        write_survey_page(result, opened.rig.name if opened.rig else "", output, force=force)
-    if junit is not None:
-        from rigctl.monitoring.junit import write_junit
+            write_survey_page(result, opened.rig.name if opened.rig else "", output, force=force)
+        if junit is not None:
+            from rigctl.monitoring.junit import write_junit
 
-        write_junit(result, junit)
+            write_junit(result, junit)
     if as_json:
         print_json(result.document())
     else:

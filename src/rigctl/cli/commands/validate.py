@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,11 +16,8 @@ if TYPE_CHECKING:
     from rigctl.tasks import Workers
     from rigctl.validation.figures import Figures
     from rigctl.validation.outcome import AnyTrial, TrialOutcome
-    from rigctl.validation.parallel import BenchmarkProgress, Work
+    from rigctl.validation.parallel import Work
     from rigctl.validation.tier_definition import TierDefinition
-
-#: without a terminal a line is printed this often, s
-_OFTEN = 15.0
 
 
 class TierName(StrEnum):
@@ -179,6 +172,7 @@ def _outcomes(
     version: str,
     resume: bool,
 ) -> Sequence[TrialOutcome[AnyTrial]]:
+    from rigctl.cli.progress import progress_display
     from rigctl.validation.parallel import run_scenarios
     from rigctl.validation.store import ResultStore
 
@@ -189,27 +183,16 @@ def _outcomes(
             value=path.as_posix(),
             hint="'--resume' continues them, another '--out' starts afresh",
         )
-    with _trial_progress() as progress:
-        return run_scenarios(trials, work, store, workers=workers, progress=progress)
 
+    def stopped() -> str:
+        if not store.outcomes(trials):
+            return "no trial was finished"
+        return "every finished trial is kept, and '--resume' continues"
 
-@contextmanager
-def _trial_progress() -> Iterator[Callable[[BenchmarkProgress], None]]:
-    """Report progress: on a terminal one line that is rewritten, otherwise a line now and then."""
-    from rigctl.cli.progress import progress_display
-
-    often = 0.0 if sys.stderr.isatty() else _OFTEN
-    last = -math.inf
-    with progress_display("every finished trial is kept, and '--resume' continues") as report:
-
-        def report_progress(standing: BenchmarkProgress) -> None:
-            nonlocal last
-            now = time.monotonic()
-            if now - last >= often or standing.done == standing.total:
-                last = now
-                report(str(standing))
-
-        yield report_progress
+    with progress_display("Preparing the trials", stopped) as report:
+        return run_scenarios(
+            trials, work, store, workers=workers, progress=lambda standing: report(str(standing))
+        )
 
 
 def _show(figures: Figures, path: Path) -> None:

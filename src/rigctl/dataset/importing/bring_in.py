@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -101,8 +101,13 @@ def import_files(
     keep_good: bool = False,
     name: str | None = None,
     operator: str = "",
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Imported:
     """Import files as one new run, see `import_file`; each is one record unless it contains several.
+
+    Parameters
+    ----------
+    on_progress: called with the number of rows read so far.
 
     Raises
     ------
@@ -110,7 +115,7 @@ def import_files(
         a file cannot be read, a column is unknown, or a row is bad; nothing was imported.
     """
     before = [_state(path) for path in paths]
-    taken = take(paths, rig, options, keep_good=keep_good)
+    taken = take(paths, rig, options, keep_good=keep_good, on_progress=on_progress)
     result = taken.found
     if result.bad_rows and not keep_good:
         raise refuse(paths[0], result.faults, result.bad_rows)
@@ -203,7 +208,12 @@ def _say(writer: RunWriter, notes: Iterable[str], result: Survey, path: Path) ->
 
 
 def take(
-    paths: Sequence[Path], rig: Rig | None, options: Options, *, keep_good: bool
+    paths: Sequence[Path],
+    rig: Rig | None,
+    options: Options,
+    *,
+    keep_good: bool,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Samples | Observations:
     """Read the files once, assigning their columns and checking their content.
 
@@ -241,7 +251,7 @@ def take(
             )
         keep_marks = "none" in options.missing
         return take_observations(source, assigned, options.missing_numbers, keep_marks=keep_marks)
-    return take_samples(source, assigned, rig, options, keep_good=keep_good)
+    return take_samples(source, assigned, rig, options, keep_good=keep_good, on_progress=on_progress)
 
 
 def _header(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -77,7 +77,13 @@ def _checker(assigned: Sequence[Assigned], layout: Layout, options: Options) -> 
 
 
 def take_samples(
-    source: Source, assigned: Sequence[Assigned], rig: Rig, options: Options, *, keep_good: bool
+    source: Source,
+    assigned: Sequence[Assigned],
+    rig: Rig,
+    options: Options,
+    *,
+    keep_good: bool,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Samples:
     """Make the first pass over a file of samples; invalid rows are listed as faults.
 
@@ -88,7 +94,7 @@ def take_samples(
     """
     layout = layout_of(assigned, rig)
     kept: list[Checked] = []
-    stages = Stages(options, assigned)
+    stages = Stages(options, assigned, on_progress)
 
     def survey_all() -> Survey:
         kept.clear()

@@ -5,7 +5,7 @@ It needs more than one row at a time, so that the file is held in memory; one th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -19,6 +19,7 @@ from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark, witho
 from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
 from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source, cut
 from rigctl.errors import Location, RigctlError
+from rigctl.tasks import Countdown
 
 _VALUED: Final = ("channel", "command", "other")
 _TIMES: Final = ("time", "clock")
@@ -28,12 +29,15 @@ _MOST: Final = 2_000_000_000
 
 @dataclass
 class Stages:
-    """The stages required by the options; `remarks` describe what the last pass changed."""
+    """The stages required by the options; `remarks` describe what the last pass changed, `rows` is the
+    number of rows that it read."""
 
     options: Options
     assigned: Sequence[Assigned]
+    on_progress: Callable[[str], None] = lambda _: None
     remarks: list[str] = field(default_factory=list)
     marks: Mapping[int, Mapping[float, int]] = field(default_factory=dict)
+    rows: int = 0
 
     def __post_init__(self) -> None:
         self.valued = [column.index for column in self.assigned if column.kind in _VALUED]
@@ -67,7 +71,14 @@ class Stages:
             if column.kind in _TIMES and column.index in self.marks:
                 # a row without a time is a bad one; a channel's own clock may lack some
                 (times if column.kind == "time" else every)[column.index] = (*self.marks[column.index],)
+        known, self.rows = self.rows, 0  # of an earlier pass
+        read = Countdown(f"Reading {source.path.name}", self.on_progress)
         for part in source.parts(wanted, record):
+            self.rows += len(part.lines)
+            if known:
+                read(self.rows, known)
+            elif self.rows >= PART_ROWS:
+                self.on_progress(f"Reading {source.path.name}: {self.rows} rows so far")
             self.sentinels.take(part)
             yield blanked(without_marked_times(part, times, "time"), every)
 
