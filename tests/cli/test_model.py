@@ -107,7 +107,8 @@ def test_history_first_compares_the_errors_of_versions_on_the_same_records() -> 
     assert "1 first version, 2 add piston_leakage" in lines[1]
     # 0.1 mm less the noise of 0.02 mm: sqrt(0.1^2 - 0.02^2)
     assert (
-        "from version 1 to 2, reduced χ² 16 to 1; beyond the noise: position 1.6 mm to 0.098 mm" in lines[2]
+        "from version 1 to 2, 4 to 1 times the noise; beyond the noise: position 1.6 mm to 0.098 mm"
+        in lines[2]
     )
     assert "held out    beyond the noise: position 1.7 mm to 0.11 mm" in lines[3]
     assert len(lines) <= 5

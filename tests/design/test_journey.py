@@ -94,7 +94,7 @@ def test_the_page_draws_what_each_rival_predicts(designed: dict[str, Any]) -> No
     for words in (
         "What to measure next",
         "what each rival predicts",
-        "± 2 sigma of a reading",
+        "± twice the noise of a reading",
         "The procedure",
     ):
         assert words in page

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from rigctl.design.result import DesignResult, DesignRival, PredictedPower
+from rigctl.design.result import DesignResult, DesignRival, PredictedPower, ProposedRecord
 from rigctl.design.text import statement
 
 
@@ -44,3 +46,27 @@ def test_members_of_one_set_are_a_single_explanation() -> None:
     assert weight == pytest.approx(0.8)
     assert found.explanations["friction"] == ("friction", 0.2)
     assert "distinguishes leak with drift and friction" in statement(found)
+
+
+def test_more_than_two_explanations_are_counted_and_their_pairs_are_not_listed() -> None:
+    names = ("leak", "drift", "friction")
+    found = DesignResult(
+        runs=("run",),
+        model="model",
+        aim="discrimination",
+        rivals=tuple(rival(name, (name,), 1 / 3) for name in names),
+        outlooks=tuple(
+            replace(outlook(one, other), after=0.1) for one in names for other in names if one != other
+        ),
+        records=(ProposedRecord({}, (), "", 1.0, 0.5, 0.1, 0.1, 60.0, 5.0, 100.0),),
+        separation=1.0,
+        before=0.1,
+        after=0.1,
+        duration=60.0,
+        procedure="",
+        statement="",
+    )
+    said = statement(found)
+    assert "the right one of these 3 explanations" in said
+    assert said.endswith("not reliably distinguished: any two of them")
+    assert not any(name in said for name in names)

@@ -214,3 +214,21 @@ def test_the_monitor_shows_readings_and_alarms_in_a_table(plan: Plan) -> None:
     assert "The oil is hot" in raised
     assert "The oil is hot" not in cleared
     assert "86.9 degC" in terminal.getvalue()
+
+
+def test_the_last_frame_of_a_finished_run_is_settled() -> None:
+    """It used to show the keys, a step as the current one, and the time left of nothing."""
+    screen = Terminal()
+    display = TerminalDisplay(campaign(), screen, hint="p pause")
+    with display:
+        display(VIEW)
+        display(replace(VIEW, state="finished", progress=1.0, time_left=0.0, record=-1, records_done=28))
+    shown = Console(file=io.StringIO(), width=100)
+    with shown.capture() as captured:
+        shown.print(display.render())
+    last = captured.get()
+    assert "finished" in last
+    assert "28 of 28 records" in last
+    assert "40.0 degC" in last  # what was read last
+    for unsettled in ("▶", ">", "p pause", "left"):
+        assert unsettled not in last

@@ -282,7 +282,7 @@ def test_a_cell_of_the_map_shows_its_record_and_arrow_keys_move_between_cells(be
     cells = bench.locator("button.cell")
     cells.nth(2).click()
     label = cells.nth(2).get_attribute("aria-label") or ""
-    assert "sigma" in label
+    assert "times the noise" in label
     bench.locator("h2.record", has_text=label.partition(":")[0]).wait_for()
     bench.keyboard.press("ArrowRight")
     assert bench.evaluate("document.activeElement.getAttribute('aria-label')") != label

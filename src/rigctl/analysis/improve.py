@@ -337,13 +337,13 @@ def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
     first = min((one for one in singles if one is not None), key=sets.mbic, default=None)
     if first is None or sets.mbic(first) >= nothing:
         difference = sets.mbic(best) - nothing
-        return [_Choice(best, best.effects, difference, _reason(diagnosis, best, best.effects, difference))]
+        return [_Choice(best, best.effects, difference, _reason(diagnosis, best, best.effects))]
     gained = sets.mbic(first) - nothing
     rest = tuple(name for name in best.effects if name not in first.effects)
     more = sets.mbic(best) - sets.mbic(first)
     return [
-        _Choice(first, first.effects, gained, _reason(diagnosis, first, first.effects, gained)),
-        _Choice(best, rest, more, _reason(diagnosis, best, rest, more)),
+        _Choice(first, first.effects, gained, _reason(diagnosis, first, first.effects)),
+        _Choice(best, rest, more, _reason(diagnosis, best, rest)),
     ]
 
 
@@ -353,18 +353,17 @@ def _single(diagnosis: Diagnosis, member: Candidate) -> RefittedSet | None:
     return known[0] if known else refit(diagnosis.before.fit, (member,))
 
 
-def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], difference: float) -> str:
+def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...]) -> str:
     """Why `effects`, the new ones in `trial`, are added."""
     described = ". ".join(
         effect_text(candidate.effect, found_parameters(trial, candidate))
         for candidate in trial.candidates
         if candidate.name in effects
     )
-    together = " only together" if len(effects) > 1 else ""
-    text = f"{described}. mBIC falls by {-difference:.1f}{together}"
+    text = f"{described}. They help only together" if len(effects) > 1 else described
     if len(diagnosis.best.effects) > len(trial.effects):
         rest = ", ".join(name for name in diagnosis.best.effects if name not in trial.effects)
-        text += f", the most that one effect gains; {rest} follows"
+        text += f". No other effect gains as much alone; {rest} follows"
     unusual = [text for name, text in trial.unusual.items() if name in effects]
     if unusual:
         text += f". It fits only with its {', and its '.join(unusual)}"

@@ -52,6 +52,11 @@ def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str
     return f"{text} ({effect.name}, {parameters_text(parameters)})"
 
 
+def in_words(effect: Effect) -> str:
+    """The effect as a sentence of physics, with its name in brackets."""
+    return f"{effect.summary.rstrip('.')} ({effect.name})"
+
+
 @dataclass(frozen=True)
 class Statement:
     """A verdict in words.

@@ -6,15 +6,17 @@ import errno
 import getpass
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
+    from rigctl.dataset import Run
     from rigctl.dataset.pass_fail import Judgement
     from rigctl.plan import Plan
     from rigctl.runner.launch import Launch
@@ -99,14 +101,15 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
 
 def _tell_end(result: RunResult, *, as_json: bool) -> None:
     from rigctl.cli.nonblocking_output import finish_display
+    from rigctl.cli.views.measures import show_measures
     from rigctl.files.write import to_json
 
     finish_display()
     if result.unconfirmed is not None:  # before anything that takes time, or may fail
         warning = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
         typer.secho(f"{warning}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
-    test = result.test
-    stuck = _stuck(result)
+    test, run = result.test, _run(result)
+    stuck = _stuck(run)
     if as_json:
         folder = result.folder
         document = {
@@ -128,21 +131,35 @@ def _tell_end(result: RunResult, *, as_json: bool) -> None:
         echo(result.summary())
         if result.folder is not None:
             echo(f"  {result.folder.as_posix()}")
+        if run is not None and sys.stdout.isatty():
+            with suppress(RigctlError):  # what its files lack must not hide how the run ended
+                show_measures(run)
         if test is not None and test.measures:
             _report_test(test)
         for sentence in stuck:
             echo(f"  note: {sentence}")
 
 
-def _stuck(result: RunResult) -> list[str]:
-    """What the run's own data say of its sensors; nothing for a run without readable samples."""
+def _run(result: RunResult) -> Run | None:
+    """The run's data; None if they cannot be read, or something else comes first."""
     from rigctl.dataset import open_run
-    from rigctl.dataset.stuck_channels import stuck_channels
 
     if result.folder is None or result.unconfirmed is not None:
+        return None
+    try:
+        return open_run(result.folder)
+    except Exception:  # noqa: BLE001 - a remark on the data must not hide how the run ended
+        return None
+
+
+def _stuck(run: Run | None) -> list[str]:
+    """What the run's own data say of its sensors; nothing for a run without readable samples."""
+    from rigctl.dataset.stuck_channels import stuck_channels
+
+    if run is None:
         return []
     try:
-        return stuck_channels(open_run(result.folder))
+        return stuck_channels(run)
     except Exception:  # noqa: BLE001 - a remark on the data must not hide how the run ended
         return []
 

@@ -144,8 +144,8 @@ class LargestDifference:
     def statement(self) -> str:
         """In words."""
         return (
-            f"{self.first} and {self.second} differ most in {self.channel}, by up to {self.sigmas:.1f} sigma "
-            "of a reading"
+            f"{self.first} and {self.second} differ most in {self.channel}, by up to {self.sigmas:.1f} times "
+            "its noise"
         )
 
 

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rigctl.analysis.text import in_words
 from rigctl.design.result import NONE, WITHOUT_EFFECT, DesignResult, PredictedPower, SensorSet
+from rigctl.effects.declaration import Effect
+from rigctl.effects.registry import library
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
 
 #: a set with a lower probability than this is no answer
 HALF = 0.5
+#: more explanations than these are counted, not named
+_NAMED = 2
 
 
 def share(probability: float) -> str:
@@ -33,7 +38,8 @@ def statement(design: DesignResult) -> str:
     if design.aim == "detection":
         return _detection(design)
     called = design.explanations
-    names = _listed(list(dict.fromkeys(called[name][0] for pair in design.separates for name in pair)))
+    named = list(dict.fromkeys(called[name][0] for pair in design.separates for name in pair))
+    names = _listed(named) if len(named) <= _NAMED else f"these {len(named)} explanations"
     if not design.records:
         return (
             f"no record that this bench can make distinguishes {names}{_sensor(design)}{_calibration(design)}"
@@ -46,6 +52,21 @@ def statement(design: DesignResult) -> str:
     what = f"the right one of {names} would be identified {chance}, by {_amount(design)}"
     remainder = f"; {_not_distinguished(design, together)}" if together else ""
     return f"{what}{remainder}{_sensor(design)}{_calibration(design)}"
+
+
+def explanations_in_words(design: DesignResult) -> list[str]:
+    """Each explanation as a sentence with its name in brackets, and its probability so far."""
+    known: dict[str, Effect] = {}
+    if design.diagnosis is not None:
+        model = design.diagnosis.before.fit.problem.model
+        known = {**library(model.family), **{one.name: one for one in model.own_effects}}
+    texts = []
+    for together, weight in dict.fromkeys(design.explanations.values()):
+        names = together.split(" with ")
+        said = [in_words(known[name]) if name in known else name for name in names]
+        said = [WITHOUT_EFFECT if name == NONE else name for name in said]
+        texts.append(" with ".join(said) + (f", {share(weight)}" if weight else ""))
+    return texts
 
 
 def _sensor(design: DesignResult) -> str:
@@ -73,9 +94,11 @@ def _least(design: DesignResult, pair: tuple[str, str]) -> float:
 
 
 def _not_distinguished(design: DesignResult, together: Sequence[tuple[str, str]]) -> str:
+    distinguished = len(design.separates) - len(together)
+    if len(together) > 1 and not distinguished:
+        return "not reliably distinguished: any two of them"
     without, _ = design.explanations.get(NONE, (NONE, 0.0))
     pairs = ", ".join(" and ".join(without if name == NONE else name for name in pair) for pair in together)
-    distinguished = len(design.separates) - len(together)
     others = f"; the other {distinguished} pairs would be distinguished" if distinguished > 1 else ""
     return f"not reliably distinguished: {pairs}{others}"
 

@@ -16,7 +16,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.refitted_sets import RefittedSets
-from rigctl.analysis.remainder import share_text
+from rigctl.analysis.remainder import share_text, strength
 from rigctl.dataset.run import Run
 from rigctl.discovery.curve import curves_of
 from rigctl.discovery.dimensions import tier_of
@@ -207,15 +207,15 @@ def _too_weak(searched: Map) -> str:
     best = searched.located[0]
     if best.size > searched.needed:
         return (
-            f"Not certain enough to discover: the best of {searched.tests} terms tested, {best.name}, has a "
-            f"size of {best.size:.1f} sigma, but its residuals vary so much from record to record that "
+            f"Not certain enough to discover: the best of {searched.tests} terms tested, {best.name}, is "
+            f"{strength(best.size)}, but its residuals vary so much from record to record that "
             f"chance alone may explain it ({chance_text(best.p_value)}); record more conditions"
         )
     factor = max((searched.needed / best.size) ** 2 if best.size else math.inf, 1.1)
     more = f", or about {factor:.2g} times as many records like these" if factor < 100.0 else ""
     return (
-        f"Too weak to discover: the best of {searched.tests} terms tested, {best.name}, has a size of "
-        f"{best.size:.1f} sigma ({chance_text(best.p_value)}); {searched.needed:.1f} are needed{more}"
+        f"Too weak to discover: the best of {searched.tests} terms tested, {best.name}, is "
+        f"{strength(best.size)} ({chance_text(best.p_value)}); {searched.needed:.1f} are needed{more}"
     )
 
 

@@ -48,6 +48,7 @@ class TerminalDisplay:
         self._hint = hint
         self._view: View | None = None
         self._last_update = 0.0
+        self._over = False
         self._console = Console(file=stream, highlight=False)
         self._unicode = self._console.encoding.lower().startswith("utf")
         self._live = Live(
@@ -64,6 +65,9 @@ class TerminalDisplay:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._over = True
+        if self._view is not None:
+            self._update(self._view)
         self._live.stop()
 
     def __call__(self, view: View) -> None:
@@ -72,8 +76,11 @@ class TerminalDisplay:
         now = monotonic()
         if now - self._last_update >= 1.0 / _RATE:
             self._last_update = now
-            alarms = {alarm.channel: alarm.action for alarm in view.alarms}
-            self._readings.update(view.values, view.commands, dict(alarms))
+            self._update(view)
+
+    def _update(self, view: View) -> None:
+        alarms = {alarm.channel: alarm.action for alarm in view.alarms}
+        self._readings.update(view.values, view.commands, dict(alarms))
 
     def render(self) -> RenderableType:
         """The current display."""
@@ -88,6 +95,8 @@ class TerminalDisplay:
             parts += [Text(""), Text(printable(view.question), style="bold cyan")]
         parts.append(Text(""))
         below = self._below(view)
+        if self._over and view.state == "finished":  # no step is left that would be the current one
+            return Group(*parts, readings_table(self._readings, unicode=self._unicode), *below)
         table = readings_table(self._readings, unicode=self._unicode)
         occupied = len(parts) + table.row_count + len(below) + 3
         parts += [
@@ -117,7 +126,9 @@ class TerminalDisplay:
         texts = [
             Text(f"{view.progress:4.0%}"),
             Text(_records(view)),
-            Text(f"about {clock_time(view.time_left)} left" if view.time_left is not None else "", "dim"),
+            Text(
+                f"about {clock_time(view.time_left)} left" if view.time_left and not self._over else "", "dim"
+            ),
         ]
         room = self._console.width - sum(text.cell_len + 2 for text in texts)
         width = max(min(self._console.width // 3, 40, room), 8)
@@ -149,7 +160,7 @@ class TerminalDisplay:
             kind = "" if happening.kind == "state" else f"{happening.kind}: "
             line.append(f"{kind}{printable(happening.message)}", _KINDS.get(happening.kind, ""))
             lines.append(line)
-        if self._hint:
+        if self._hint and not self._over:
             lines += [Text(""), Text(self._hint, style="dim")]
         return lines
 

@@ -10,7 +10,7 @@ from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
 from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
 from rigctl.analysis.remainder import share_text, strength
-from rigctl.analysis.text import would_be_missing
+from rigctl.analysis.text import in_words, would_be_missing
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -139,7 +139,7 @@ def _others(diagnosis: Diagnosis) -> list[str]:
         return []
     effects = library(diagnosis.best.fit.problem.model.family)
     names = dict.fromkeys(name for first, *others in close for name in others)
-    return [f"{effects[name].summary.rstrip('.')} ({name})" if name in effects else name for name in names]
+    return [in_words(effects[name]) if name in effects else name for name in names]
 
 
 def _not_distinguished(steps: Sequence[Step]) -> str:
@@ -170,7 +170,7 @@ def _sizes(diagnosis: Diagnosis) -> str:
     parts = []
     for one in chosen:
         text = _parameters(diagnosis, named[one.name])
-        said = f"{one.effect.summary.rstrip('.')} ({one.name})"
+        said = in_words(one.effect)
         parts.append(text if alone else f"{said}, {text}" if text else said)
     return "; and ".join(parts)
 

@@ -119,7 +119,7 @@ def write_heat_map(shown: HeatMap, folder: Path, form: str = "png") -> Path:
                 mark = " *" if shown.strong[i][j] else ""
                 text = f"{value:+.1f}" if shown.signed else f"{value:.1f}"
                 axes.text(j, i, f"{text}{mark}", ha="center", va="center", fontsize=8, fontweight=weight)
-    figure.colorbar(image, ax=axes, label="sigma")
+    figure.colorbar(image, ax=axes, label="times the noise")
     figure.suptitle("\n".join(title), fontsize=10)
     content = io.BytesIO()
     figure.savefig(content, format=form, dpi=144, metadata={"Date": None} if form == "svg" else {})

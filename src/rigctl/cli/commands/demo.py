@@ -293,6 +293,7 @@ def _simulate(
     import time
 
     from rigctl.cli.plans import open_plan
+    from rigctl.cli.views.measures import show_measures
     from rigctl.dataset import open_run
     from rigctl.errors import ExitCode, RigctlError
     from rigctl.live import view
@@ -310,19 +311,8 @@ def _simulate(
     run = open_run(result.folder)
     seconds = time.perf_counter() - start
     console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
-    _show_strokes(console, run)
+    show_measures(run, console)
     return run
-
-
-def _show_strokes(console: Console, run: Run) -> None:
-    """Stroke against temperature and pressure, as the records hold it."""
-    from rich.table import Table
-
-    strokes = run.records.pivot_table(index="oil", columns="supply", values="stroke")
-    table = Table(r"oil \[degC]", *(f"{supply:g} bar" for supply in strokes.columns), title=r"stroke \[mm]")
-    for oil, row in strokes.iterrows():
-        table.add_row(f"{oil:g}", *(f"{value:.1f}" for value in row))
-    console.print(table)
 
 
 def _say_page(console: Console, number: int, page: Path, size: int) -> None:

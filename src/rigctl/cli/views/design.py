@@ -9,7 +9,7 @@ from rigctl.analysis.decision_levels import ODDS
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
-from rigctl.design.text import share, title
+from rigctl.design.text import explanations_in_words, share, title
 from rigctl.planning.outline import clock_time
 from rigctl.report.answer import Answer
 from rigctl.report.terminal_bars import draw_bar
@@ -27,9 +27,9 @@ def show_design(result: DesignResult, *, verbose: bool = False) -> None:
         _show_whole(result)
         return
     good = result.separable or (result.aim == "precision" and bool(result.records))
-    named = dict(result.explanations.values())
-    rivals = [f"{name} {100.0 * weight:.1f} %" if weight else name for name, weight in named.items()]
-    facts = [("rivals", ", ".join(rivals))]
+    facts = [
+        ("either" if not number else "or", text) for number, text in enumerate(explanations_in_words(result))
+    ]
     facts += [(f"record {number}", _in_words(one)) for number, one in enumerate(result.records, start=1)]
     probable = {one.name for one in result.rivals if one.weight > 1.0 / ODDS}
     alike = {
@@ -37,7 +37,7 @@ def show_design(result: DesignResult, *, verbose: bool = False) -> None:
         for one in result.outlooks
         if one.after < _LIKELY and one.truth in probable
     }
-    if result.records and alike:
+    if result.separable and alike:
         facts.append(("hardly", f"distinguished if one of them is right: {', '.join(alike.values())}"))
     more = [
         *(["the predicted power for each pair"] if result.outlooks else []),

@@ -243,9 +243,7 @@ def _show_step(step: Step) -> None:
     added = ", ".join(step.effects)
     out.print(f"[bold]Version {step.version.number}[/] of {escape(str(head))}: added [bold]{added}[/]")
     out.print(f"  {escape(step.reason)}.", soft_wrap=True)
-    gained = f"mBIC falls by {-step.delta_bic:.1f}"  # stated by the reason already
-    evidence = step.diagnosis.evidence
-    _show_evidence([one for one in evidence if _subject(one) in step.effects and gained not in one])
+    _show_evidence([one for one in step.diagnosis.evidence if _subject(one) in step.effects])
     show_errors([("before", step.before), (f"with {' and '.join(step.effects)}", step.after)])
     out.print()
 

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rigctl.analysis.adequacy import chance, chance_text
+from rigctl.analysis.remainder import strength
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.discovery.curve import Curve
@@ -47,7 +48,7 @@ def _facts(discovery: Discovery) -> Iterator[tuple[str, str]]:
     """The share of the misfit that a term at the best location explains, and each formula with its check."""
     if discovery.located:
         best = discovery.located[0]
-        yield "misfit", f"{100 * best.share:.0f} % of it, {best.size:.1f} sigma ({chance_text(best.p_value)})"
+        yield "misfit", f"{100 * best.share:.0f} % of it, {strength(best.size)} ({chance_text(best.p_value)})"
     for one in discovery.formulas[:_FORMULAS]:
         held_out = f", error held out {_held_out(one)}" if _held_out(one) else ""
         accepted = "accepted" if one.accepted else "not accepted"

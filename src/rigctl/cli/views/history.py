@@ -75,7 +75,7 @@ def _fall(errors: Sequence[VersionError]) -> list[tuple[str, str]]:
     first = next((each for each in errors if _basis(each) == _basis(last)), last)
     if first is last:
         head = f"of version {last.version.number}"
-        return [("error", f"{head}: {_errors(last.error)}{_chi2(last.error)}")]
+        return [("error", f"{head}: {_errors(last.error)}{_misfit(last.error)}")]
     head = f"from version {first.version.number} to {last.version.number}"
     return [
         ("error", f"{head}, {error_change(first.error, last.error)}"),
@@ -99,10 +99,10 @@ def _errors(error: ModelError) -> str:
 
 
 def error_change(before: ModelError, after: ModelError) -> str:
-    """The common channels that changed, and the reduced chi-squared.
+    """The common channels that changed, and the whole misfit, √(χ²/dof), in units of the noise.
 
     A change that is small relative to the noise of one reading is not visible in a root mean square, but may
-    be significant over all readings: the chi-squared shows it.
+    be significant over all readings: the whole misfit shows it.
     """
     both = {
         channel: (_beyond(before, channel), _beyond(after, channel))
@@ -115,8 +115,8 @@ def error_change(before: ModelError, after: ModelError) -> str:
     slight = "no channel's error changes noticeably relative to the noise of one reading"
     if before.chi2_reduced is None or after.chi2_reduced is None:
         return changes or slight
-    chi2 = f"reduced χ² {significant(before.chi2_reduced)} to {significant(after.chi2_reduced)}"
-    return f"{chi2}; {changes or slight}"
+    first, last = (math.sqrt(one) for one in (before.chi2_reduced, after.chi2_reduced))
+    return f"{significant(first, 3)} to {significant(last, 3)} times the noise; {changes or slight}"
 
 
 def held_out_change(before: ModelError, after: ModelError) -> str:
@@ -127,8 +127,10 @@ def held_out_change(before: ModelError, after: ModelError) -> str:
     return error_change(*errors)
 
 
-def _chi2(error: ModelError) -> str:
-    return "" if error.chi2_reduced is None else f"; reduced χ² {significant(error.chi2_reduced)}"
+def _misfit(error: ModelError) -> str:
+    if error.chi2_reduced is None:
+        return ""
+    return f"; {significant(math.sqrt(error.chi2_reduced), 3)} times the noise in all"
 
 
 def _show_versions(versions: Sequence[Version], current: Version) -> None:

@@ -32,7 +32,7 @@ def _show_quantity(rows: Sequence[TableRow]) -> None:
         "noise",
         "model" if rows[0].unfitted is None else "model, fitted",
     ]
-    heads += ["model − measured", "in sigma", *(["as in its file", "in sigma"] if fitted else [])]
+    heads += ["model − measured", "/ noise", *(["as in its file", "/ noise"] if fitted else [])]
     heads += [escape(name.removeprefix(f"{rows[0].quantity}_")) for name in beside]
     grid = table(*heads)
     for column in grid.columns[1:]:
@@ -44,17 +44,17 @@ def _show_quantity(rows: Sequence[TableRow]) -> None:
             significant(row.noise, 2),
             significant(row.predicted, 5),
             f"{100 * row.share(row.predicted):+.2f} %" if row.measured else "",
-            _sigmas(row.z),
+            _ratio(row.z),
         ]
         if fitted:
             unfitted = math.nan if row.unfitted is None else row.unfitted
-            cells += [significant(unfitted, 5), _sigmas(row.z_unfitted or 0.0)]
+            cells += [significant(unfitted, 5), _ratio(row.z_unfitted or 0.0)]
         grid.add_row(
             *cells, *(significant(row.beside[name], 5) if name in row.beside else "" for name in beside)
         )
     console().print(grid)
 
 
-def _sigmas(z: float) -> str:
+def _ratio(z: float) -> str:
     text = f"{z:+.1f}"
     return f"[bold red]{text}[/]" if abs(z) > _FAR else text

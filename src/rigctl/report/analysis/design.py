@@ -105,7 +105,9 @@ def _panel(one: Prediction, names: list[str], *, named: bool) -> Panel:
         for k, name in enumerate(names)
     ]
     first, band = one.by_rival[names[0]], 2.0 * one.sigma
-    traces.append(Trace("± 2 sigma of a reading", one.times, first + band, Look.LINE, 0, unit, True, named))
+    traces.append(
+        Trace("± twice the noise of a reading", one.times, first + band, Look.LINE, 0, unit, True, named)
+    )
     traces.append(Trace("", one.times, first - band, Look.LINE, 0, unit, True, False))
     return Panel(f"{plain_name(one.channel)} [{unit}]", tuple(traces), height=1.2)
 
@@ -120,14 +122,16 @@ def _apart(one: Prediction, names: list[str]) -> Panel:
             (one.by_rival[name] - first) / one.sigma,
             Look.LINE,
             k,
-            "sigma",
+            "times the noise",
             False,
             False,
         )
         for k, name in enumerate(names)
         if k
     )
-    return Panel(f"{plain_name(one.channel)}, less {plain_name(names[0])} [sigma]", traces, height=1.0)
+    return Panel(
+        f"{plain_name(one.channel)}, less {plain_name(names[0])} [times the noise]", traces, height=1.0
+    )
 
 
 def _sensor(one: SensorSet) -> dict[str, object]:

@@ -147,14 +147,25 @@ def signature_plot(diagnosis: Diagnosis) -> Plot | None:
         if not np.isfinite(residual[:, c]).any() or not (shows[c] or not shows.any()):
             continue
         traces = [
-            Trace("measured − model", record.times, residual[:, c], Look.LINE, 7, "sigma", False, not panels)
+            Trace(
+                "measured − model",
+                record.times,
+                residual[:, c],
+                Look.LINE,
+                7,
+                "times the noise",
+                False,
+                not panels,
+            )
         ]
         for number, (trial, change) in enumerate(zip(trials, changes, strict=True)):
             label, faint = " and ".join(map(plain_name, trial.effects)), number > 0
             traces.append(
-                Trace(label, record.times, change[:, c], Look.LINE, number, "sigma", faint, not panels)
+                Trace(
+                    label, record.times, change[:, c], Look.LINE, number, "times the noise", faint, not panels
+                )
             )
-        panels.append(Panel(f"{plain_name(name)} [sigma]", tuple(traces), height=1.3))
+        panels.append(Panel(f"{plain_name(name)} [times the noise]", tuple(traces), height=1.3))
     caption = "What each candidate would explain, over the residual of the worst record"
     return Plot("signatures", caption, "time in the record [s]", tuple(panels))
 

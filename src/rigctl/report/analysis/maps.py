@@ -120,8 +120,10 @@ def _maps_of(model: ModelComparison, grid: _Grid, c: int, key: str, title: str) 
         )
 
     return (
-        drawn("bias", "bias, model − measured, in sigmas", bias, biased, _BIAS_LIMIT, signed=True),
-        drawn("size", "systematic error, in sigmas", size, strong, _LIMIT, signed=False),
+        drawn(
+            "bias", "bias, model − measured, in units of the noise", bias, biased, _BIAS_LIMIT, signed=True
+        ),
+        drawn("size", "systematic error, in units of the noise", size, strong, _LIMIT, signed=False),
     )
 
 

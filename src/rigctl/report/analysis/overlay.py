@@ -143,12 +143,14 @@ def _left(
     traces = []
     for (name, fit), colour in zip(models, _OF_MODELS, strict=False):
         error = running_mean(fit.normalised_error(k)[:, c], problem.records[k].phase, count)[rows]
-        traces.append(Trace(f"{name} − measured", times, error, Look.LINE, colour, "sigma", in_legend=False))
+        traces.append(
+            Trace(f"{name} − measured", times, error, Look.LINE, colour, "times the noise", in_legend=False)
+        )
     ends = np.array([float(times[0]), float(times[-1])])
     band = 2.0 * _spread_of_mean(noise, count)
     for side, label in ((band, "95 % of pure noise"), (-band, "")):
         level = np.full(2, side)
-        traces.append(Trace(label, ends, level, Look.LINE, 7, "sigma", True, named and bool(label)))
+        traces.append(Trace(label, ends, level, Look.LINE, 7, "times the noise", True, named and bool(label)))
     return Panel("model − measured [σ]", tuple(traces), height=1.2)
 
 
@@ -187,11 +189,11 @@ def overlay_plot(
             times,
             error[:, c],
             colour=c + _AFTER_MODELS,
-            unit="sigma",
+            unit="times the noise",
         )
         for c in columns
     ]
-    panels.append(Panel("model − measured [sigma]", tuple(residuals), height=1.2))
+    panels.append(Panel("model − measured [times the noise]", tuple(residuals), height=1.2))
     return Plot(key, caption, "time in the record [s]", tuple(panels), _spans(record.times, record.phase))
 
 
@@ -220,7 +222,7 @@ def _channel_panel(
         name = called if len(models) > 1 else "model"
         traces.append(Trace(name, times, prediction, colour=number, unit=shown, in_legend=named))
         if number == 0:
-            noise = "model ± 2 sigma of the noise" + (" and its curve's band" if extra is not None else "")
+            noise = "model ± twice the noise" + (" and its curve's band" if extra is not None else "")
             traces.append(Trace(noise, times, prediction + band, unit=shown, faint=True, in_legend=named))
             traces.append(Trace("", times, prediction - band, unit=shown, faint=True, in_legend=False))
     return Panel(f"{plain_name(measurements.outputs[c])} [{shown}]", tuple(traces), height=1.2)

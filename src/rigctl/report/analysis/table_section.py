@@ -194,7 +194,7 @@ def _noise_band(rows: Sequence[TableRow], x: Floats, unit: str, *, relative: boo
     sizes = [row.noise / (row.measured / 100.0 if relative else 1.0) for row in rows]
     level = np.full(2, _BAND * float(np.median(sizes)))
     ends = np.array([float(np.nanmin(x)), float(np.nanmax(x))])
-    name = f"± {_BAND:g} sigma of the noise"
+    name = f"± {_BAND:g} times the noise"
     return [
         Trace(name, ends, level, Look.LINE, 7, unit, faint=True),
         Trace("", ends, -level, Look.LINE, 7, unit, faint=True, in_legend=False),
@@ -217,8 +217,8 @@ def _text(
             if table_rows[0].unfitted is not None
             else "model"
         )
-        head += [name, "model − measured", "in sigma"]
-    head += ["as in its file", "in sigma"] if fitted and len(models) == 1 else []
+        head += [name, "model − measured", "times the noise"]
+    head += ["as in its file", "times the noise"] if fitted and len(models) == 1 else []
     head += [plain_name(name.removeprefix(f"{quantity}_")) for name in beside]
     by_model = [{row.record: row for row in _rows(model, quantity)} for model in models]
     rows = []

@@ -1,4 +1,4 @@
-// Measured and modelled curves overlaid, with the residual below in sigmas, and the noise in both.
+// Measured and modelled curves overlaid, with the residual below in units of the noise, and the noise in both.
 import { h } from "../lib.js";
 import { plot } from "../plot.js";
 import { row } from "./frames.js";
@@ -19,7 +19,7 @@ export const makeCurves = (opened) => {
       describe: `${channel.title}: measured and modelled over ${along}, with the noise of a reading`,
       series: [
         { label: "measured", colour: 1, width: 0, points: true, size: over ? 8 : 3 },
-        { label: "± 2 sigma", colour: "--band", width: 0 },
+        { label: "± twice the noise", colour: "--band", width: 0 },
         { label: "", colour: "--band", width: 0 },
         { label: "model", colour: 0, width: over ? 1 : 2, points: Boolean(over), size: 5 },
       ],
@@ -30,12 +30,12 @@ export const makeCurves = (opened) => {
     const lower = plot({
       height: narrow ? 90 : 105,
       sync: "workbench",
-      yLabel: narrow ? "[σ]" : "residual [σ]",
+      yLabel: narrow ? "/ noise" : "residual / noise",
       xLabel: c === opened.channels.length - 1 ? xLabel : "",
-      describe: `${channel.title}: measured less modelled, in sigmas of the noise`,
+      describe: `${channel.title}: measured less modelled, in units of the noise`,
       series: [
-        { label: "+ 2 sigma", colour: "--band", width: 0 },
-        { label: "− 2 sigma", colour: "--band", width: 0 },
+        { label: "+ twice the noise", colour: "--band", width: 0 },
+        { label: "− twice the noise", colour: "--band", width: 0 },
         { label: "residual", colour: 0, width: over ? 0 : 1.3, points: Boolean(over), size: 8 },
       ],
       bands: [{ between: [1, 2] }],

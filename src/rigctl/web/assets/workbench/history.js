@@ -12,7 +12,7 @@ const svg = (tag, attributes, ...inside) => {
 
 const WIDTH = 360, HEIGHT = 150, LEFT = 46, RIGHT = 12, TOP = 12, BOTTOM = 26;
 
-// The systematic part of an error, in sigmas, without the noise.
+// The systematic part of an error, in units of the noise, without the noise.
 const systematic = (error, name) => {
   const [rmse, noise] = [error.rmse[name], error.noise[name]];
   return noise ? Math.sqrt(Math.max(rmse * rmse - noise * noise, 0)) / noise : null;
@@ -24,7 +24,7 @@ const chart = (name, errors) => {
   const x = (k) => LEFT + (errors.length === 1 ? 0.5 : k / (errors.length - 1)) * (WIDTH - LEFT - RIGHT);
   const y = (value) => TOP + (1 - value / most) * (HEIGHT - TOP - BOTTOM);
   const summary = errors.map((error, k) => `version ${error.version} ${figure(values[k], 2)}`).join(", ");
-  const drawing = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "fall", role: "img", "aria-label": `${plain(name)}, systematic error in sigmas: ${summary}` },
+  const drawing = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "fall", role: "img", "aria-label": `${plain(name)}, systematic error in units of the noise: ${summary}` },
     svg("rect", { x: LEFT, y: y(Math.min(1, most)), width: WIDTH - LEFT - RIGHT, height: y(0) - y(Math.min(1, most)), class: "noise" }),
     svg("line", { x1: LEFT, y1: y(0), x2: WIDTH - RIGHT, y2: y(0), class: "base" }),
     svg("polyline", { points: values.map((value, k) => `${x(k)},${y(value)}`).join(" "), class: "line" }));
@@ -33,7 +33,7 @@ const chart = (name, errors) => {
     drawing.append(svg("circle", { cx: x(k), cy: y(values[k]), r: 4, class: "dot" }));
     drawing.append(Object.assign(svg("text", { x: x(k), y: HEIGHT - 8, "text-anchor": "middle" }), { textContent: `v${error.version}` }));
   });
-  return h("figure", { class: "fall" }, h("figcaption", {}, `${plain(name)} [σ]`), drawing);
+  return h("figure", { class: "fall" }, h("figcaption", {}, `${plain(name)} / noise`), drawing);
 };
 
 // `open(version)` shows another version; `beside(version)` compares it with the open one.

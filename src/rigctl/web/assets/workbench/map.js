@@ -1,4 +1,4 @@
-// The error of every record: its size, and separately its bias, in sigmas of the noise.
+// The error of every record: its size, and separately its bias, in units of the noise.
 import { h } from "../lib.js";
 import { figure } from "./numbers.js";
 
@@ -81,7 +81,7 @@ export const makeMap = (opened, choose) => {
       const mean = side.reduce((sum, value) => sum + value, 0) / side.length;
       square.textContent = figure(rms, 2);
       square.dataset.bin = sizeBin(rms);
-      square.setAttribute("aria-label", `${opened.records[records[0]].condition || `record ${records[0] + 1}`}: ${title} ${figure(rms, 2)} sigma, bias ${figure(mean, 2)}`);
+      square.setAttribute("aria-label", `${opened.records[records[0]].condition || `record ${records[0] + 1}`}: ${title} ${figure(rms, 2)} times the noise, bias ${figure(mean, 2)}`);
       const other = biases.get(`${r},${c}`);
       const rounded = Math.abs(mean) < 0.05 ? "0" : figure(Math.abs(mean), 2);
       other.textContent = rounded === "0" ? "0" : (mean > 0 ? "+" : "−") + rounded;

@@ -16,7 +16,7 @@ const curves = ({ x, named, xLabel, yLabel, describe, height, bands = [], hidden
   const colourOf = (label, k) => (hidden.includes(label) ? "--band" : label === quiet ? "--series-8" : COLOURS[(k + first) % COLOURS.length]);
   const drawn = plot({
     height: height ?? 190, xLabel, yLabel, describe, legend: true, bands,
-    series: names.map((label, k) => ({ label, colour: colourOf(label, k), width: hidden.includes(label) ? 0 : label === quiet ? 1 : 1.8, unlisted: hidden.includes(label) && label !== "± 2 sigma" })),
+    series: names.map((label, k) => ({ label, colour: colourOf(label, k), width: hidden.includes(label) ? 0 : label === quiet ? 1 : 1.8, unlisted: hidden.includes(label) && label !== "± twice the noise" })),
   });
   drawn.set([x, ...names.map((name) => named[name])]);
   return drawn.element;
@@ -28,7 +28,7 @@ const inSigmas = (differences, { quiet = "" } = {}) => {
   const largest = Math.max(...differences.channels.map(most));
   return differences.channels
     .filter((channel) => most(channel) > 0.5 || most(channel) === largest)
-    .map(({ title, curves: named }) => curves({ x: differences.times, named, quiet, first: quiet ? -1 : 0, xLabel: "time in the record [s]", yLabel: `${title} [σ]`, describe: `${title} in sigmas: ${Object.keys(named).join(", ")}` }));
+    .map(({ title, curves: named }) => curves({ x: differences.times, named, quiet, first: quiet ? -1 : 0, xLabel: "time in the record [s]", yLabel: `${title} / noise`, describe: `${title} in units of the noise: ${Object.keys(named).join(", ")}` }));
 };
 
 // `adequate` is null where these data cannot tell.
@@ -151,12 +151,12 @@ export const experiment = (design, { approve, toReal }) => {
     const names = Object.keys(channel.by_rival).slice(0, 4);
     const first = channel.by_rival[names[0]];
     const named = Object.fromEntries(names.map((name) => [titleOf(name), channel.by_rival[name]]));
-    named["± 2 sigma"] = first.map((value, at) => value + 2 * channel.sigma[at]);
+    named["± twice the noise"] = first.map((value, at) => value + 2 * channel.sigma[at]);
     named[""] = first.map((value, at) => value - 2 * channel.sigma[at]);
-    const drawn = [curves({ x: channel.times, named, hidden: ["± 2 sigma", ""], bands: [{ between: [names.length + 1, names.length + 2] }], yLabel: `${channel.channel} [${channel.unit}]`, describe: `${channel.channel}: what each rival predicts` })];
+    const drawn = [curves({ x: channel.times, named, hidden: ["± twice the noise", ""], bands: [{ between: [names.length + 1, names.length + 2] }], yLabel: `${channel.channel} [${channel.unit}]`, describe: `${channel.channel}: what each rival predicts` })];
     if (names.length > 1) {
       const others = Object.fromEntries(names.slice(1).map((name) => [`${titleOf(name)} less ${titleOf(names[0])}`, less(channel, name)]));
-      drawn.push(curves({ x: channel.times, named: others, height: 130, first: 1, xLabel: "time in the record [s]", yLabel: "difference [σ]", describe: `${channel.channel}: the others less ${titleOf(names[0])}, in sigmas` }));
+      drawn.push(curves({ x: channel.times, named: others, height: 130, first: 1, xLabel: "time in the record [s]", yLabel: "difference / noise", describe: `${channel.channel}: the others less ${titleOf(names[0])}, in units of the noise` }));
     }
     return drawn;
   };
