@@ -11,8 +11,8 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 44
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "81dd10f11b85"
+FINGERPRINT = "47670f951151"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 6
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "3f74c9f68bfc"
+DISCOVERY_FINGERPRINT = "99507c764504"
