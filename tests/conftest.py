@@ -18,7 +18,7 @@ from hypothesis import settings
 
 # The examples of `make test` are the same each time and have no deadline; `make explore` looks for new ones,
 # and what it finds is added as an `@example`.
-settings.register_profile("suite", derandomize=True, deadline=None)
+settings.register_profile("suite", derandomize=True, deadline=None, max_examples=50)
 settings.register_profile("explore", max_examples=2_000, deadline=None)
 settings.load_profile("suite")
 
@@ -31,6 +31,11 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
 # keep busy, they wait ten times as long as they compute. The library reads this variable on import, and
 # processes started by the tests inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# The workers of pytest-xdist keep all cores busy, so each integrates its records on one thread: two would
+# take turns at the interpreter's lock, which costs some 15 % of the processor time of a diagnosis.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 
 # A shell without job control starts background commands with Ctrl-C ignored, and `nohup` ignores the end of
 # the terminal; processes started by the tests would inherit that, and neither would end them.
