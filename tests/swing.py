@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,7 @@ SAMPLES, PERIOD, STEPS = 800, 0.1, 10
 WHITE = 0.005
 
 
+@cache
 def swung(cubic: float = 0.0, seed: int = 1, held: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """(n) force and position: a multisine, held for so many samples, by Runge and Kutta's method."""
     rng = np.random.default_rng(seed)

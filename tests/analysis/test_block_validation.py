@@ -10,6 +10,9 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import ImprovementEnd, refusal
 from rigctl.noise.noise_model import ChannelNoise
 
+#: the tests leave the same blocks out of the same fits
+pytestmark = pytest.mark.usefixtures("shared_results")
+
 
 def test_the_right_effect_predicts_the_second_half_from_the_first(cubic_swing: Diagnosis) -> None:
     found = cubic_swing

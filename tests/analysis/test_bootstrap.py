@@ -21,20 +21,19 @@ from rigctl.tasks import Workers
 
 #: an oil by Vogel's law, cSt over degC, similar to the shipped table
 TEMPERATURES = np.arange(10.0, 90.0, 10.0)
-READINGS = 3
 
 
 def viscosity(temperature: np.ndarray) -> np.ndarray:
     return 0.0707 * np.exp(911.0 / (temperature + 273.15 - 164.9))
 
 
-def fitted(folder: Path, shared: float, each: float) -> FitResult:
-    """Three readings at each temperature, with a shared relative error and an independent one."""
+def fitted(folder: Path, shared: float, each: float, readings: int = 2) -> FitResult:
+    """So many readings at each temperature, with a shared relative error and an independent one."""
     rng = np.random.default_rng(3)
     lines = ["oil_temperature [degC],kinematic_viscosity [cSt]"]
     for temperature in TEMPERATURES:
         common = shared * rng.normal()
-        for _ in range(READINGS):
+        for _ in range(readings):
             value = viscosity(temperature) * np.exp(common + each * rng.normal())
             lines.append(f"{temperature:g},{value:.6g}")
     table = folder / "oil.csv"
@@ -56,7 +55,7 @@ def independent(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
 def test_for_independent_noise_the_intervals_match_the_standard_deviations_of_the_fit(
     independent: FitResult,
 ) -> None:
-    found = bootstrap(independent, 30, workers=Workers(1))
+    found = bootstrap(independent, 20, workers=Workers(1))
     assert (found.by, found.failed) == ("condition", 0)
     assert all(0.6 < ratio < 1.6 for ratio in ratios(found))
     for one in found.parameters:
@@ -65,12 +64,12 @@ def test_for_independent_noise_the_intervals_match_the_standard_deviations_of_th
 
 
 def test_errors_shared_by_the_readings_of_a_condition_widen_the_intervals(tmp_path: Path) -> None:
-    found = bootstrap(fitted(tmp_path, 0.02, 0.005), 15, workers=Workers(1))
+    found = bootstrap(fitted(tmp_path, 0.02, 0.005, readings=3), 15, workers=Workers(1))
     assert all(ratio > 2.0 for ratio in ratios(found))
 
 
 def test_the_intervals_do_not_depend_on_the_number_of_workers(independent: FitResult) -> None:
-    assert bootstrap(independent, 4, workers=Workers(1)) == bootstrap(independent, 4, workers=Workers(2))
+    assert bootstrap(independent, 3, workers=Workers(1)) == bootstrap(independent, 3, workers=Workers(2))
 
 
 def test_a_bootstrap_needs_more_than_one_record_and_a_fitted_parameter(independent: FitResult) -> None:
@@ -91,8 +90,8 @@ def test_a_diagnosis_reports_bootstrap_intervals_on_request(
     create_project(tmp_path)
     told("import", "data/hl32-viscosity.csv")
     ask = ("diagnose", "latest", "--model", "models/hl32-oil.yaml")
-    found = answer(*ask, "--bootstrap", "10", "--workers", "1")["bootstrap"]
-    assert (found["repetitions"], found["by"], found["level"]) == (10, "condition", 0.95)
+    found = answer(*ask, "--bootstrap", "4", "--workers", "1")["bootstrap"]
+    assert (found["repetitions"], found["by"], found["level"]) == (4, "condition", 0.95)
     assert set(found["parameters"]) == {"vogel_a", "vogel_b", "vogel_c"}
     assert "--bootstrap and --apply do not go together" in refusal(*ask, "--bootstrap", "20", "--apply")
 

@@ -135,8 +135,9 @@ def test_a_delay_is_named_by_its_differences_where_fitted_parameters_absorb_its_
         "one",
         (Wanted("valve_close_delay", 300.0),),
         "wrong",
-        temperatures=(20.0, 40.0, 60.0, 80.0),
-        pressures=(20.0, 35.0, 50.0),
+        repeated=1,
+        temperatures=(20.0,),
+        pressures=(20.0, 50.0),
         seed=10002,
     )
     with one_thread():

@@ -37,7 +37,7 @@ def stretch_means(bench_truth, records: list[NoiseRecord], noise: NoiseModel) ->
     return np.array(found)
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.9])
 def test_sigma_and_correlation_are_unbiased(bench_truth, rho: float) -> None:
     sigmas, rhos, means = [], [], []
     for seed in range(4):
