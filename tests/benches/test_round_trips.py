@@ -88,20 +88,18 @@ def test_a_verdict_survives_export_and_import(
     hide = ("--with", hidden) if hidden else ()
     run = Path(answer("simulate", *steps, "--rig", f"rigs/{rig}.yaml", "--seed", "3", *hide)["path"])
     paths = (run, came_back(run, ending, rig))
-    found = [answer("diagnose", str(path), "--model", f"models/{model}.yaml") for path in paths]
+    ask = ("--model", f"models/{model}.yaml", "--max-effects", "1")
+    found = [answer("diagnose", str(path), *ask) for path in paths]
     for one in found:
         assert (one["verdict"] == "adequate") == (hidden is None), one["statement"]
         assert one["effects"] == ([hidden.partition(":")[0]] if hidden else []), one["statement"]
     assert found[0]["verdict"] == found[1]["verdict"]
 
 
-@pytest.mark.parametrize(
-    ("rig", "ending"), [("hl32-bench", "xlsx"), ("hl32-bench-lines", "mat"), ("hl32-bench-uno", "tdms")]
-)
-def test_an_inadequate_model_has_the_same_chi2_on_a_run_and_on_its_export(rig: str, ending: str) -> None:
-    hide = ("--with", LOADED)
+def test_an_inadequate_model_has_the_same_chi2_on_a_run_and_on_its_export() -> None:
+    rig, hide = "hl32-bench-uno", ("--with", LOADED)
     run = Path(answer("simulate", *ONE_STROKE, "--rig", f"rigs/{rig}.yaml", "--seed", "3", *hide)["path"])
-    paths = (run, came_back(run, ending, rig))
+    paths = (run, came_back(run, "tdms", rig))
     found = [answer("compare", str(path), "--model", "models/hl32-textbook.yaml") for path in paths]
     assert not any(one["adequate"] for one in found)
     # the switching times are now known only to within a sample, and absorb part of the misfit
