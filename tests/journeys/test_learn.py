@@ -44,6 +44,8 @@ def test_an_ambiguous_campaign_is_resolved_after_confirmation_of_its_next_record
     learned = answer("learn", "--resume", "--yes")
     assert learned["ended"] == "adequate"
     assert learned["added"] == ["valve_leakage"]
+    values = {one["name"]: one for one in answer("model", "show", "models/own.yaml")["parameters"]}
+    assert values["valve_leakage.conductance"]["value"] == pytest.approx(4e-16, rel=0.35)
     assert learned["rounds"][0] == first
     out = learned["rounds"][-1]["came_out"]
     assert (out["winner"], out["told_apart"], out["kept"]) == ("valve_leakage", True, True)

@@ -1,4 +1,4 @@
-"""The learning loop: from an ambiguous campaign of the separate bench to the truth, and every way to end."""
+"""The learning loop and every way to end it; `journeys/test_learn.py` resolves a campaign with commands."""
 
 from __future__ import annotations
 
@@ -12,20 +12,15 @@ import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
-from rigctl.design.result import DesignResult, PrecisionGain
+from rigctl.design.result import PrecisionGain
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.learning import learn, predicted_and_achieved
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.keep import Kept, Task
 from rigctl.learning.learn import Learner
-from rigctl.learning.result import Round
-from rigctl.model import load_model
 from rigctl.plan import Plan
 from rigctl.runner.session import RunResult
-from rigctl.validation.bench.campaign import Campaign, Scatter
-from rigctl.validation.bench.parameters import Bench
-from rigctl.validation.live_bench import SeparateBench
 
 MODEL = shipped("models", "hl32-textbook.yaml")
 
@@ -34,42 +29,6 @@ def own_copy(folder: Path) -> Path:
     path = folder / "model.yaml"
     path.write_bytes(MODEL.read_bytes())
     return path
-
-
-@pytest.mark.usefixtures("small_search")
-def test_an_ambiguous_campaign_of_the_separate_bench_is_resolved(tmp_path: Path) -> None:
-    """A spool leak that could be a drift of the sensor: the loop measures again and names the leak."""
-    runs = tmp_path / "runs"
-    runs.mkdir()
-    worn = Campaign(bench=Bench(spool_leak=6e-16), scatter=Scatter(setting=0.002), seed=5)
-    task = Task(
-        procedure=str(shipped("procedures", "campaign.yaml")),
-        model=str(own_copy(tmp_path)),
-        version=1,
-        arguments={"temperatures": "20 degC, 60 degC, 80 degC", "pressures": "20 bar, 50 bar"},
-    )
-    asked: list[Round] = []
-
-    def yes(proposal: Round, _: DesignResult) -> bool:
-        asked.append(proposal)
-        return True
-
-    bench = SeparateBench(worn, shipped("rigs", "hl32-bench.yaml"), runs)
-    learned = Learner(Kept.create(tmp_path, task, "campaign"), bench, runs, yes).learn()
-    first, *designed = learned.rounds
-    assert first.verdict == "ambiguous"
-    assert any({"valve_leakage", "position_thermal_drift"} <= set(names) for names in first.classes)
-    assert first.added == ()
-    assert learned.ended is LearningEnd.ADEQUATE
-    assert learned.added == ("valve_leakage",)
-    assert len(asked) == len(designed) >= 1
-    (predicted, achieved) = learned.predictions[-1]
-    assert predicted.probability >= 0.5
-    assert achieved.winner == "valve_leakage"
-    assert achieved.distinguished
-    found = load_model(task.model).effects["valve_leakage"]["conductance"]
-    assert found.si == pytest.approx(6e-16, rel=0.35)
-    assert Kept.find(tmp_path).learned == learned.document()
 
 
 # --- every way to end, decided on prescribed analysis results ---
