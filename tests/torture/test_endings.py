@@ -11,11 +11,11 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a trial is a pr
 
 
 def test_runs_ending_at_random_moments_are_safe_keep_samples_and_report_the_end(tmp_path: Path) -> None:
-    tally = torture(tmp_path, 24, seed=1, kinds=available())
+    tally = torture(tmp_path, 16, seed=1, kinds=available())
     assert tally.failures == []
-    assert tally.judged_in_time >= 5
-    assert tally.statuses["aborted"] >= 3
-    assert tally.statuses["failed"] >= 3
+    assert tally.judged_in_time >= 3
+    assert tally.statuses["aborted"] >= 2
+    assert tally.statuses["failed"] >= 2
     assert tally.conditions["recovered"] >= 1, "what was killed"
 
 
