@@ -147,7 +147,7 @@ TEXTS = st.one_of(
 
 
 @given(head=st.sampled_from(["", "time [s],position [mm]\n", "time;position [mm]\n"]), body=TEXTS)
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=75, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_bytes_are_imported_or_refused_with_one_message(rig: Rig, head: str, body: str | bytes) -> None:
     content = head.encode() + (body if isinstance(body, bytes) else body.encode("utf-8", "replace"))
     with tempfile.TemporaryDirectory() as folder:
@@ -247,7 +247,7 @@ def test_a_mat_file_that_crashes_scipy_is_reported_as_an_error(tmp_path: Path, r
 
 
 @given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=6))
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_parquet_file_with_changed_bytes_is_imported_or_refused_with_one_message(
     rig: Rig, changes: list[tuple[int, int]]
 ) -> None:
