@@ -19,8 +19,8 @@ test:
 check: lint types imports
 
 lint: $(VENV)/.installed-dev
-	$(BIN)/ruff check src tests benchmarks
-	$(BIN)/ruff format --check src tests benchmarks
+	$(BIN)/ruff check src rigctl-validation tests benchmarks
+	$(BIN)/ruff format --check src rigctl-validation tests benchmarks
 
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy
@@ -39,7 +39,7 @@ system:
 	sh tools/install-system-packages chromium libsimavr2 gcc-avr binutils-avr avr-libc
 
 bench: $(VENV)/.installed
-	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --constraint constraints.txt --editable '.[benchmarks]'
+	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --constraint constraints.txt --editable '.[benchmarks]' --editable ./rigctl-validation
 	$(BIN)/python -m benchmarks
 
 # Hours of random damage; its minute is among the tests. SEED and what it takes are printed with what was found.
@@ -102,20 +102,20 @@ $(BIN)/python:
 # With the site of the documentation, for which pip gets its builder into a folder of its own.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing rigctl and what it needs into $(VENV): 0.6 GB, one or two minutes"
-	$(BIN)/pip install --progress-bar on --constraint constraints.txt --editable .
+	$(BIN)/pip install --progress-bar on --constraint constraints.txt --editable . --editable ./rigctl-validation
 	touch $@
 
 # The tests import a small part of what is installed, and Python compiles that by itself; all of it would take most
 # of the installation.
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
-	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
+	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]' --editable ./rigctl-validation
 	touch $@ $(VENV)/.installed
 
 # The newest versions that pyproject.toml allows, tried in an environment of their own, become the named ones.
 constraints:
 	rm -rf build/newest && $(PYTHON) -m venv build/newest
 	build/newest/bin/python -m pip install --quiet --upgrade pip
-	HATCH_BUILD_NO_HOOKS=true build/newest/bin/pip install --quiet --editable '.[dev,benchmarks]'
+	HATCH_BUILD_NO_HOOKS=true build/newest/bin/pip install --quiet --editable '.[dev,benchmarks]' --editable ./rigctl-validation
 	(sed -n '/^#/p' constraints.txt && build/newest/bin/pip freeze --all --exclude-editable) > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 
 from rigctl.errors import RigctlError
-from rigctl.validation.outcome import Outcome
-from rigctl.validation.scenario import Scenario
+from rigctl_validation.outcome import Outcome
+from rigctl_validation.scenario import Scenario
 
 
 def quick(scenario: Scenario) -> Outcome:

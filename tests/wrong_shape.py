@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.engine.one_thread import one_thread
-from rigctl.validation.scenario import Scenario, Wanted
-from rigctl.validation.work import diagnose_scenario
+from rigctl_validation.scenario import Scenario, Wanted
+from rigctl_validation.work import diagnose_scenario
 
 
 def diagnosed(effect: str, amplitude: float) -> Diagnosis:

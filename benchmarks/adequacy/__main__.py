@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.adequacy.work import REPEATED, SIZE, Judged, attempt, nothing, one
 from benchmarks.record import keep, table
-from rigctl.validation.figures import wilson
+from rigctl_validation.figures import wilson
 
 
 def rates(found: Sequence[Judged]) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from rigctl.analysis.fitting import fit_model
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.measured.noise import noise_of
-from rigctl.validation.in_memory import measure
-from rigctl.validation.scenario import Scenario, Wanted
-from rigctl.validation.tiers import acting
-from rigctl.validation.work import bench_model, hidden_amplitudes
+from rigctl_validation.in_memory import measure
+from rigctl_validation.scenario import Scenario, Wanted
+from rigctl_validation.tiers import acting
+from rigctl_validation.work import bench_model, hidden_amplitudes
 
 SIZE = 31.5  # amplitudes are solved to 5 %, so that each is at least 30
 REPEATED = 4

@@ -12,15 +12,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rigctl.dataset import Run, open_run
-from rigctl.validation.bench import record as bench_record
-from rigctl.validation.bench.campaign import Campaign, clean_outputs, operating_points
-from rigctl.validation.bench.parameters import Bench
-from rigctl.validation.benches.bench import BenchCampaign, write_bench
-from rigctl.validation.benches.register import find_bench
-from rigctl.validation.campaign_run import make_run
-from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.planted.terms import find_planted
+from rigctl_validation.bench import record as bench_record
+from rigctl_validation.bench.campaign import Campaign, clean_outputs, operating_points
+from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.benches.bench import BenchCampaign, write_bench
+from rigctl_validation.benches.register import find_bench
+from rigctl_validation.campaign_run import make_run
+from rigctl_validation.hidden_effect import hide
+from rigctl_validation.hidden_library import find_hidden
+from rigctl_validation.planted.terms import find_planted
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "rigs" / "hl32-bench.yaml"

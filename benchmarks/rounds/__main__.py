@@ -16,8 +16,8 @@ from pathlib import Path
 
 from benchmarks.record import keep, table
 from rigctl.files.shipped import shipped
-from rigctl.validation.designed.rounds import Tally
-from rigctl.validation.designed.shipped_benches import BENCHES, proposer
+from rigctl_validation.designed.rounds import Tally
+from rigctl_validation.designed.shipped_benches import BENCHES, proposer
 
 HERE = Path(__file__).parent
 

@@ -28,9 +28,9 @@ from rigctl.model import load_model
 from rigctl.monitoring.significance import scan
 from rigctl.monitoring.survey import survey
 from rigctl.tasks import Workers
-from rigctl.validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, Scatter
-from rigctl.validation.bench.parameters import Bench
-from rigctl.validation.campaign_run import make_run
+from rigctl_validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, Scatter
+from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.campaign_run import make_run
 
 HERE, ROOT = Path(__file__).parent, Path(__file__).parents[2]
 RIG, MODEL = ROOT / "rigs" / "hl32-bench.yaml", ROOT / "models" / "hl32-textbook.yaml"

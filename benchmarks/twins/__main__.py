@@ -1,6 +1,6 @@
 """Six benches in three similar pairs, each learnt from the textbook model: ``python -m benchmarks.twins``.
 
-Each of a pair is hidden in the separate bench (`rigctl.validation.bench`) with 10 sigmas, or `--size`, in a
+Each of a pair is hidden in the separate bench (`rigctl_validation.bench`) with 10 sigmas, or `--size`, in a
 first campaign of four temperatures and three pressures; `rigctl learn` does the rest, up to six rounds.
 Either only the hidden effect is added, or the remaining class is reported as inseparable, with the sensor
 that would separate it.
@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 
 from benchmarks.record import keep, table
-from rigctl.validation.designed.trial import DesignTrial
-from rigctl.validation.designed.work import carry_out_design
+from rigctl_validation.designed.trial import DesignTrial
+from rigctl_validation.designed.work import carry_out_design
 
 HERE = Path(__file__).parent
 TWINS = (

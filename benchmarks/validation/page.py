@@ -11,10 +11,10 @@ from itertools import takewhile
 from pathlib import Path
 from typing import get_args
 
-from rigctl.validation.outcome import Trial, TrialOutcome
-from rigctl.validation.store import ResultStore
-from rigctl.validation.tables import page as rates_page
-from rigctl.validation.tier_definition import TierName, tier_definition
+from rigctl_validation.outcome import Trial, TrialOutcome
+from rigctl_validation.store import ResultStore
+from rigctl_validation.tables import page as rates_page
+from rigctl_validation.tier_definition import TierName, tier_definition
 
 FOLDER = Path(__file__).parent
 _BLOCK = re.compile(

@@ -14,11 +14,11 @@ from typing import get_args
 
 from benchmarks.validation.page import FOLDER
 from rigctl.analysis.refitted_sets import RefittedSets
-from rigctl.validation.outcome import Trial, TrialOutcome
-from rigctl.validation.scenario import Scenario
-from rigctl.validation.store import every_outcome
-from rigctl.validation.tier_definition import TierName, tier_definition
-from rigctl.validation.work import diagnose_scenario
+from rigctl_validation.outcome import Trial, TrialOutcome
+from rigctl_validation.scenario import Scenario
+from rigctl_validation.store import every_outcome
+from rigctl_validation.tier_definition import TierName, tier_definition
+from rigctl_validation.work import diagnose_scenario
 
 
 def leaves_something(outcome: TrialOutcome[Trial]) -> bool:

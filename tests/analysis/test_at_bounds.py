@@ -13,8 +13,8 @@ from rigctl.dataset.importing.bring_in import import_file
 from rigctl.model.load import load_model
 from rigctl.model.model import Model
 from rigctl.rig.load import load_rig
-from rigctl.validation.benches.bench import BenchCampaign, write_bench
-from rigctl.validation.benches.register import find_bench
+from rigctl_validation.benches.bench import BenchCampaign, write_bench
+from rigctl_validation.benches.register import find_bench
 
 
 def imported(folder: Path, higher: float) -> tuple[Run, Model]:

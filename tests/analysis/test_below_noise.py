@@ -32,10 +32,10 @@ from rigctl.model.load import load_model
 from rigctl.model.measured.noise import noise_of
 from rigctl.physics.families import find_family
 from rigctl.rig.load import load_rig
-from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.in_memory import measure
-from rigctl.validation.scenario import Scenario
+from rigctl_validation.hidden_effect import hide
+from rigctl_validation.hidden_library import find_hidden
+from rigctl_validation.in_memory import measure
+from rigctl_validation.scenario import Scenario
 
 LEAK = library(find_family("hydraulic_cylinder"))["valve_leakage"]
 LEAKS = 6e-15

@@ -17,11 +17,11 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import make_problem
 from rigctl.noise import ChannelNoise, NoiseModel
-from rigctl.validation.bench.campaign import Campaign
-from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.in_memory import measure
-from rigctl.validation.work import bench_model
+from rigctl_validation.bench.campaign import Campaign
+from rigctl_validation.hidden_effect import hide
+from rigctl_validation.hidden_library import find_hidden
+from rigctl_validation.in_memory import measure
+from rigctl_validation.work import bench_model
 
 #: of the derivatives of three records of these strokes by eight parameters
 _FEW = 3 * 376 * 7 * 9

@@ -21,10 +21,10 @@ from rigctl.model.fit.fit import fit
 from rigctl.model.load import load_model
 from rigctl.model.measured.noise import noise_of
 from rigctl.rig.load import load_rig
-from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.in_memory import measure
-from rigctl.validation.scenario import Scenario
+from rigctl_validation.hidden_effect import hide
+from rigctl_validation.hidden_library import find_hidden
+from rigctl_validation.in_memory import measure
+from rigctl_validation.scenario import Scenario
 
 DRIFT, DRY, VOLUME = "flow_area_thermal_drift", "coulomb_friction", "dead_volume_a"
 MODEL = load_model(shipped("models", "hl32-textbook.yaml"))

@@ -21,8 +21,8 @@ from rigctl.dataset.importing.bring_in import import_file
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
-from rigctl.validation.benches.bench import BenchCampaign, write_bench
-from rigctl.validation.benches.register import find_bench
+from rigctl_validation.benches.bench import BenchCampaign, write_bench
+from rigctl_validation.benches.register import find_bench
 
 
 def fitted(campaign: BenchCampaign, folder: Path) -> FitResult:

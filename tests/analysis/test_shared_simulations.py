@@ -18,9 +18,9 @@ from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem, make_problem
 from rigctl.model.fit.slopes import simulate_soundly
 from rigctl.model.measured.noise import noise_of
-from rigctl.validation.in_memory import measure
-from rigctl.validation.scenario import Scenario
-from rigctl.validation.work import bench_model
+from rigctl_validation.in_memory import measure
+from rigctl_validation.scenario import Scenario
+from rigctl_validation.work import bench_model
 
 SMALL = Scenario("nothing", repeated=1, temperatures=(20.0, 60.0), pressures=(20.0, 50.0))
 

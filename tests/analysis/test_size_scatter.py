@@ -14,8 +14,8 @@ from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.regions import Regions
 from rigctl.analysis.size_scatter import size_scatter, with_scatter
 from rigctl.engine.one_thread import one_thread
-from rigctl.validation.scenario import Scenario, Wanted
-from rigctl.validation.work import diagnose_scenario
+from rigctl_validation.scenario import Scenario, Wanted
+from rigctl_validation.work import diagnose_scenario
 from wrong_shape import diagnosed
 
 RECORDS, ROWS = 16, 30

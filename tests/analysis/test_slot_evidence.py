@@ -25,11 +25,11 @@ from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
 from rigctl.noise import ChannelNoise, NoiseModel
 from rigctl.rig import load_rig
-from rigctl.validation.bench.campaign import Campaign
-from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.in_memory import measure
-from rigctl.validation.work import bench_model
+from rigctl_validation.bench.campaign import Campaign
+from rigctl_validation.hidden_effect import hide
+from rigctl_validation.hidden_library import find_hidden
+from rigctl_validation.in_memory import measure
+from rigctl_validation.work import bench_model
 
 SIGMA = {
     "oil_temperature": 0.1,

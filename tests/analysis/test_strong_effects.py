@@ -15,10 +15,10 @@ from rigctl.files.shipped import shipped
 from rigctl.model.load import load_model
 from rigctl.model.measured.noise import noise_of
 from rigctl.rig.load import load_rig
-from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.in_memory import measure
-from rigctl.validation.scenario import Scenario
+from rigctl_validation.hidden_effect import hide
+from rigctl_validation.hidden_library import find_hidden
+from rigctl_validation.in_memory import measure
+from rigctl_validation.scenario import Scenario
 
 SMALL = Scenario("nothing", repeated=1, temperatures=(20.0, 50.0, 80.0), pressures=(35.0,), seed=3)
 

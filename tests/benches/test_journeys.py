@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from commands import answer, told
-from rigctl.validation.benches.bench import BenchCampaign, Sampling, write_bench
-from rigctl.validation.benches.register import BENCHES, find_bench
+from rigctl_validation.benches.bench import BenchCampaign, Sampling, write_bench
+from rigctl_validation.benches.register import BENCHES, find_bench
 
 pytestmark = pytest.mark.usefixtures("shared_results")
 
-#: amplitude of the hidden effect: λ of about 100 by `python -m rigctl.validation.benches NAME --hide`. In the
+#: amplitude of the hidden effect: λ of about 100 by `python -m rigctl_validation.benches NAME --hide`. In the
 #: others it is hidden by ``rigctl validate --tier anyone``, with each of several sizes.
 HIDDEN = {
     "motor": 0.0046,

@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from commands import refusal
+from rigctl.cli.catalogue import BY_NAME
 from rigctl.cli.main import app
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.validation.anyone.trial import BenchTrial
-from rigctl.validation.outcome import Outcome, TrialOutcome
-from rigctl.validation.scenario import Scenario, Wanted
+from rigctl_validation.anyone.trial import BenchTrial
+from rigctl_validation.outcome import Outcome, TrialOutcome
+from rigctl_validation.scenario import Scenario, Wanted
 
 SCENARIOS = (
     Scenario("nothing", seed=1),
@@ -40,8 +42,8 @@ def work(scenario: Scenario, earlier: Mapping[str, Outcome] | None = None) -> Ou
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("rigctl.validation.tiers.scenarios", lambda tier: SCENARIOS)
-    monkeypatch.setattr("rigctl.validation.work.carry_out", work)
+    monkeypatch.setattr("rigctl_validation.tiers.scenarios", lambda tier: SCENARIOS)
+    monkeypatch.setattr("rigctl_validation.work.carry_out", work)
     monkeypatch.chdir(tmp_path)
     DONE.clear()
     EARLIER.clear()
@@ -109,7 +111,7 @@ def test_ctrl_c_prints_what_is_kept_and_how_to_continue(monkeypatch: pytest.Monk
             raise KeyboardInterrupt
         return work(scenario)
 
-    monkeypatch.setattr("rigctl.validation.work.carry_out", stopped)
+    monkeypatch.setattr("rigctl_validation.work.carry_out", stopped)
     with pytest.raises(RigctlError, match="every finished trial is kept, and '--resume' continues") as end:
         told("--tier", "quick")
     assert end.value.exit_code == ExitCode.INTERRUPTED
@@ -120,7 +122,7 @@ def test_the_tier_of_other_benches_is_run_and_reported_alike(monkeypatch: pytest
     def say_adequate(trial: BenchTrial) -> TrialOutcome[BenchTrial]:
         return TrialOutcome(trial, verdict="adequate")
 
-    monkeypatch.setattr("rigctl.validation.anyone.work.carry_out_trial", say_adequate)
+    monkeypatch.setattr("rigctl_validation.anyone.work.carry_out_trial", say_adequate)
     found = json.loads(told("--tier", "anyone", "--first", "20", "--json"))
     rates = {(rate["name"], rate["of"]): rate for rate in found["rates"]}
     assert rates["false alarm", "nothing hidden"]["count"] == 0
@@ -132,3 +134,11 @@ def test_the_tier_of_other_benches_is_run_and_reported_alike(monkeypatch: pytest
         .read_text(encoding="utf-8")
         .startswith("`rigctl validate --tier anyone --first 20`: 20 trials")
     )
+
+
+def test_without_its_distribution_one_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = BY_NAME["validate"]._replace(package="rigctl_elsewhere")
+    monkeypatch.setitem(BY_NAME, "validate", entry)
+    said = refusal("validate", "--tier", "quick")
+    assert "a package of its own, which is not installed" in said
+    assert "pip install ./rigctl-elsewhere" in said

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rigctl.files.shipped import shipped
-from rigctl.validation.designed.shipped_benches import BENCHES, proposer
+from rigctl_validation.designed.shipped_benches import BENCHES, proposer
 
 
 def test_every_shipped_rig_has_a_bench() -> None:

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from commands import answer, told
-from rigctl.validation.benches.bench import USER_FILES
-from rigctl.validation.benches.register import find_bench
+from rigctl_validation.benches.bench import USER_FILES
+from rigctl_validation.benches.register import find_bench
 
 LEAK = """
 effects:

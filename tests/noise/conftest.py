@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from rigctl.noise import NoiseRecord
-from rigctl.validation.bench.campaign import Campaign, Scatter, simulate_campaign
-from rigctl.validation.bench.sensing import TEN_BITS, Noise, coloured
+from rigctl_validation.bench.campaign import Campaign, Scatter, simulate_campaign
+from rigctl_validation.bench.sensing import TEN_BITS, Noise, coloured
 
 NAMES = ("oil_temperature", "supply_pressure", "position", "pressure_a", "pressure_b")
 SIGMA = np.array([Noise().sigma[name] for name in NAMES])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from rigctl.noise import NoiseModel, NoiseRecord, estimate_noise
-from rigctl.validation.bench.sensing import TEN_BITS, Noise
+from rigctl_validation.bench.sensing import TEN_BITS, Noise
 
 NAMES = ("oil_temperature", "supply_pressure", "position", "pressure_a", "pressure_b")
 SIGMA = np.array([Noise().sigma[name] for name in NAMES])

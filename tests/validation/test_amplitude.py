@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigctl.validation.amplitude import Amplitudes, Clean
-from rigctl.validation.bench.campaign import Campaign
-from rigctl.validation.hidden_library import find_hidden
+from rigctl_validation.amplitude import Amplitudes, Clean
+from rigctl_validation.bench.campaign import Campaign
+from rigctl_validation.hidden_library import find_hidden
 
 SMALL = Campaign(temperatures=(30.0,), pressures=(30.0,))
 

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from rigctl.files.shipped import shipped
-from rigctl.validation.bench.__main__ import main
-from rigctl.validation.bench.recipes import RECIPES, with_hidden
+from rigctl_validation.bench.__main__ import main
+from rigctl_validation.bench.recipes import RECIPES, with_hidden
 
 
 def test_the_command_reproduces_the_shipped_example(tmp_path: Path) -> None:

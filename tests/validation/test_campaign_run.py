@@ -9,8 +9,8 @@ import pytest
 
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
-from rigctl.validation.bench.campaign import Campaign, simulate_records
-from rigctl.validation.campaign_run import make_run
+from rigctl_validation.bench.campaign import Campaign, simulate_records
+from rigctl_validation.campaign_run import make_run
 
 RIGS = Path(__file__).parents[2] / "rigs"
 SMALL = Campaign(temperatures=(20.0, 60.0), pressures=(20.0,), repeated=1)

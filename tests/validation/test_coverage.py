@@ -11,12 +11,12 @@ import pytest
 
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
-from rigctl.validation.coverage.misread import KINDS, WRITTEN, Kind, Written
-from rigctl.validation.coverage.rates import coverage_rates
-from rigctl.validation.coverage.trial import CoverageTrial, coverage_trials
-from rigctl.validation.coverage.work import carry_out_coverage
-from rigctl.validation.moving_benches.campaign import write_moving
-from rigctl.validation.outcome import Interval, TrialOutcome
+from rigctl_validation.coverage.misread import KINDS, WRITTEN, Kind, Written
+from rigctl_validation.coverage.rates import coverage_rates
+from rigctl_validation.coverage.trial import CoverageTrial, coverage_trials
+from rigctl_validation.coverage.work import carry_out_coverage
+from rigctl_validation.moving_benches.campaign import write_moving
+from rigctl_validation.outcome import Interval, TrialOutcome
 
 TRIAL = CoverageTrial("motor", "prbs", kind="line", assumed=True, seed=50_048)
 

@@ -10,13 +10,13 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from rigctl.validation.designed.picture import calibration_svg
-from rigctl.validation.designed.rates import CalibrationBin, calibration_bins, design_rates
-from rigctl.validation.designed.trial import TWINS, DesignTrial, design_trials
-from rigctl.validation.designed.work import DesignOutcome
-from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.outcome import LearningOutcome, TrialOutcome
-from rigctl.validation.store import every_outcome
+from rigctl_validation.designed.picture import calibration_svg
+from rigctl_validation.designed.rates import CalibrationBin, calibration_bins, design_rates
+from rigctl_validation.designed.trial import TWINS, DesignTrial, design_trials
+from rigctl_validation.designed.work import DesignOutcome
+from rigctl_validation.hidden_library import find_hidden
+from rigctl_validation.outcome import LearningOutcome, TrialOutcome
+from rigctl_validation.store import every_outcome
 
 
 def outcome(*truth: str, rounds: int = 2, **learnt: Any) -> DesignOutcome:

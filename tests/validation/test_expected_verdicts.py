@@ -19,9 +19,9 @@ from typing import Any
 import pytest
 
 from rigctl.engine.one_thread import one_thread
-from rigctl.validation.outcome import Outcome
-from rigctl.validation.scenario import NOISES, Scenario, Wanted
-from rigctl.validation.work import diagnose_scenario
+from rigctl_validation.outcome import Outcome
+from rigctl_validation.scenario import NOISES, Scenario, Wanted
+from rigctl_validation.work import diagnose_scenario
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ import pytest
 from rigctl.effects.registry import library
 from rigctl.errors import RigctlError
 from rigctl.physics.families import find_family
-from rigctl.validation.amplitude import Clean
-from rigctl.validation.bench.campaign import Campaign, clean_outputs
-from rigctl.validation.hidden_effect import SHAPES, hide
-from rigctl.validation.hidden_library import HIDDEN_EFFECTS, find_hidden
-from rigctl.validation.tiers import acting
+from rigctl_validation.amplitude import Clean
+from rigctl_validation.bench.campaign import Campaign, clean_outputs
+from rigctl_validation.hidden_effect import SHAPES, hide
+from rigctl_validation.hidden_library import HIDDEN_EFFECTS, find_hidden
+from rigctl_validation.tiers import acting
 
 LIBRARY = library(find_family("hydraulic_cylinder"))
 SMALL = Campaign(temperatures=(70.0,), pressures=(50.0,), chamber_pressures=True)
@@ -77,7 +77,7 @@ def test_hidden_effects_on_the_same_parameters_add_up() -> None:
 
 
 def test_the_piston_gap_leaks_with_the_given_conductance() -> None:
-    from rigctl.validation.bench.equations import past_piston
+    from rigctl_validation.bench.equations import past_piston
 
     bench = hide(SMALL, [(find_hidden("piston_leakage"), 5e-15)], "same").bench
     assert past_piston(20e5, 0.03, bench) == pytest.approx(5e-15 * 20e5 / 0.03)

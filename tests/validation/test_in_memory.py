@@ -10,10 +10,10 @@ import pytest
 from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
 from rigctl.model.measured import read_measurements
-from rigctl.validation.campaign_run import make_run
-from rigctl.validation.in_memory import measure
-from rigctl.validation.scenario import Scenario
-from rigctl.validation.work import bench_model
+from rigctl_validation.campaign_run import make_run
+from rigctl_validation.in_memory import measure
+from rigctl_validation.scenario import Scenario
+from rigctl_validation.work import bench_model
 
 
 @pytest.mark.parametrize("chambers", [False, True])

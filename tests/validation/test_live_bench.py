@@ -12,13 +12,13 @@ from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
-from rigctl.validation.bench import equations
-from rigctl.validation.bench.campaign import Campaign, Scatter
-from rigctl.validation.bench.parameters import Bench, Sensors, Switching
-from rigctl.validation.bench.record import RATE, STANDARD, Condition, simulate_record
-from rigctl.validation.bench.running import RunningBench
-from rigctl.validation.bench.sensing import Noise
-from rigctl.validation.live_bench import SeparateBench, SeparatePlant
+from rigctl_validation.bench import equations
+from rigctl_validation.bench.campaign import Campaign, Scatter
+from rigctl_validation.bench.parameters import Bench, Sensors, Switching
+from rigctl_validation.bench.record import RATE, STANDARD, Condition, simulate_record
+from rigctl_validation.bench.running import RunningBench
+from rigctl_validation.bench.sensing import Noise
+from rigctl_validation.live_bench import SeparateBench, SeparatePlant
 
 _QUIET = Noise(sigma=dict.fromkeys(Noise().sigma, 0.0))
 _WARM = Condition(oil=333.15, setting=40e5)

@@ -14,18 +14,18 @@ from rigctl.effects.generic.offer import generic_effects
 from rigctl.errors import RigctlError
 from rigctl.physics.user.load import load_family
 from rigctl.rig.load import load_rig
-from rigctl.validation.benches.motion import with_dry_friction
-from rigctl.validation.moving.rates import moving_figures
-from rigctl.validation.moving.spoiled import write_spoiled
-from rigctl.validation.moving.tier import moving_trials
-from rigctl.validation.moving.trial import MovingTrial
-from rigctl.validation.moving.work import MovingOutcome, carry_out_moving
-from rigctl.validation.moving_benches.campaign import MovingCampaign, write_moving
-from rigctl.validation.moving_benches.excitation import MOTIONS
-from rigctl.validation.moving_benches.left_over import amplitude_leaving, left_over
-from rigctl.validation.moving_benches.register import TWINS, find_twin
-from rigctl.validation.moving_benches.slow_noise import COLOURS, Colour, noise_series
-from rigctl.validation.outcome import Interval, TrialOutcome, Verdict
+from rigctl_validation.benches.motion import with_dry_friction
+from rigctl_validation.moving.rates import moving_figures
+from rigctl_validation.moving.spoiled import write_spoiled
+from rigctl_validation.moving.tier import moving_trials
+from rigctl_validation.moving.trial import MovingTrial
+from rigctl_validation.moving.work import MovingOutcome, carry_out_moving
+from rigctl_validation.moving_benches.campaign import MovingCampaign, write_moving
+from rigctl_validation.moving_benches.excitation import MOTIONS
+from rigctl_validation.moving_benches.left_over import amplitude_leaving, left_over
+from rigctl_validation.moving_benches.register import TWINS, find_twin
+from rigctl_validation.moving_benches.slow_noise import COLOURS, Colour, noise_series
+from rigctl_validation.outcome import Interval, TrialOutcome, Verdict
 
 SPRING = TWINS["spring"]
 DRY = SPRING.find("dry friction")

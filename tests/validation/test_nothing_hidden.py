@@ -10,10 +10,10 @@ from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
 from rigctl.model import build_system
 from rigctl.physics.families import find_family
-from rigctl.validation.bench import equations
-from rigctl.validation.bench.parameters import Bench
-from rigctl.validation.bench.record import STANDARD, Condition, simulate_record
-from rigctl.validation.bench.sensing import CHANNELS, Noise
+from rigctl_validation.bench import equations
+from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.bench.record import STANDARD, Condition, simulate_record
+from rigctl_validation.bench.sensing import CHANNELS, Noise
 
 FAMILY = find_family("hydraulic_cylinder")
 

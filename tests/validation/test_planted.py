@@ -13,12 +13,12 @@ from rigctl.effects.drivers import Driver
 from rigctl.effects.registry import library
 from rigctl.errors import RigctlError
 from rigctl.physics.families import find_family
-from rigctl.validation.bench.campaign import Campaign, clean_outputs
-from rigctl.validation.hidden_effect import hide
-from rigctl.validation.outcome import Searched, TrialOutcome
-from rigctl.validation.planted.rates import planted_rates
-from rigctl.validation.planted.terms import PLANTED, PlantedTerm, find_planted
-from rigctl.validation.planted.trial import PlantedTrial, planted_trials
+from rigctl_validation.bench.campaign import Campaign, clean_outputs
+from rigctl_validation.hidden_effect import hide
+from rigctl_validation.outcome import Searched, TrialOutcome
+from rigctl_validation.planted.rates import planted_rates
+from rigctl_validation.planted.terms import PLANTED, PlantedTerm, find_planted
+from rigctl_validation.planted.trial import PlantedTrial, planted_trials
 
 FAMILY = find_family("hydraulic_cylinder")
 PLAIN = Campaign(temperatures=(30.0,), pressures=(40.0,), chamber_pressures=True)

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.validation.figures import wilson
-from rigctl.validation.outcome import Claim, Interval, Outcome, TrialOutcome
-from rigctl.validation.rates import confusion, figures, rates
-from rigctl.validation.scenario import Scenario, Wanted
-from rigctl.validation.shape_rates import shape_rates
-from rigctl.validation.tables import confusion_table, markdown, rates_table
+from rigctl_validation.figures import wilson
+from rigctl_validation.outcome import Claim, Interval, Outcome, TrialOutcome
+from rigctl_validation.rates import confusion, figures, rates
+from rigctl_validation.scenario import Scenario, Wanted
+from rigctl_validation.shape_rates import shape_rates
+from rigctl_validation.tables import confusion_table, markdown, rates_table
 
 NOTHING = Scenario("nothing")
 ONE = Scenario("one", (Wanted("coulomb_friction", 10.0),))

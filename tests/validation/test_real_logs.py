@@ -19,13 +19,13 @@ from commands import refusal
 from rigctl.effects.generic.offer import generic_effects
 from rigctl.errors import RigctlError
 from rigctl.model.load import load_model
-from rigctl.validation.outcome import Improved, TrialOutcome, Verdict
-from rigctl.validation.real.logs import FOLDER_VARIABLE, LOGS, data_folder, find_log
-from rigctl.validation.real.rates import real_figures
-from rigctl.validation.real.tables import training_lines, unseen_lines, write_lines
-from rigctl.validation.real.trial import RealTrial, real_trials
-from rigctl.validation.real.work import RealOutcome, carry_out_real
-from rigctl.validation.tables import page
+from rigctl_validation.outcome import Improved, TrialOutcome, Verdict
+from rigctl_validation.real.logs import FOLDER_VARIABLE, LOGS, data_folder, find_log
+from rigctl_validation.real.rates import real_figures
+from rigctl_validation.real.tables import training_lines, unseen_lines, write_lines
+from rigctl_validation.real.trial import RealTrial, real_trials
+from rigctl_validation.real.work import RealOutcome, carry_out_real
+from rigctl_validation.tables import page
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from rigctl.validation.bench.campaign import clean_outputs, simulate_records
-from rigctl.validation.scenario import NOISES, Scenario, Wanted
-from rigctl.validation.tiers import acting, scenarios
+from rigctl_validation.bench.campaign import clean_outputs, simulate_records
+from rigctl_validation.scenario import NOISES, Scenario, Wanted
+from rigctl_validation.tiers import acting, scenarios
 
 SMALL = {"temperatures": (20.0, 60.0), "pressures": (30.0,), "repeated": 1}
 ONE = Scenario("one", (Wanted("coulomb_friction", 10.0),), **SMALL)

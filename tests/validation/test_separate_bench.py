@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rigctl.validation.bench import equations, rosenbrock
-from rigctl.validation.bench.campaign import Campaign, Scatter, simulate_campaign
-from rigctl.validation.bench.compiled import compiled, folder_of
-from rigctl.validation.bench.parameters import Bench, Sensors, Switching
-from rigctl.validation.bench.record import STANDARD, Condition, initial_state, simulate_record
-from rigctl.validation.bench.sensing import Noise, coloured, play
+from rigctl_validation.bench import equations, rosenbrock
+from rigctl_validation.bench.campaign import Campaign, Scatter, simulate_campaign
+from rigctl_validation.bench.compiled import compiled, folder_of
+from rigctl_validation.bench.parameters import Bench, Sensors, Switching
+from rigctl_validation.bench.record import STANDARD, Condition, initial_state, simulate_record
+from rigctl_validation.bench.sensing import Noise, coloured, play
 
 STROKES = {20.0: 77.4, 30.0: 94.9, 40.0: 109.6, 50.0: 122.6}  # mm at 20 degC, an independent calculation
 

@@ -8,10 +8,10 @@ import pytest
 
 from rigctl.errors import RigctlError
 from rigctl.tasks import Workers
-from rigctl.validation.outcome import Outcome
-from rigctl.validation.parallel import BenchmarkProgress, run_scenarios
-from rigctl.validation.scenario import Scenario
-from rigctl.validation.store import ResultStore
+from rigctl_validation.outcome import Outcome
+from rigctl_validation.parallel import BenchmarkProgress, run_scenarios
+from rigctl_validation.scenario import Scenario
+from rigctl_validation.store import ResultStore
 from validation_work import dying, quick
 
 SCENARIOS = [Scenario("nothing", seed=seed) for seed in range(8)]

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from rigctl.engine.result_cache import RESULTS_VARIABLE
-from rigctl.validation.outcome import Outcome
-from rigctl.validation.scenario import Scenario, Wanted
-from rigctl.validation.work import carry_out
+from rigctl_validation.outcome import Outcome
+from rigctl_validation.scenario import Scenario, Wanted
+from rigctl_validation.work import carry_out
 
 SMALL = Scenario("nothing", repeated=1, temperatures=(20.0, 80.0), pressures=(20.0, 50.0))
 
@@ -54,8 +54,8 @@ def test_a_trial_is_repeated_with_the_amplitude_found_before(
     def searched_again(*_: object) -> None:
         raise AssertionError("known from the first time")
 
-    monkeypatch.setattr("rigctl.validation.work.hidden_amplitudes", searched_again)
-    monkeypatch.setattr("rigctl.validation.work.likeness", searched_again)
+    monkeypatch.setattr("rigctl_validation.work.hidden_amplitudes", searched_again)
+    monkeypatch.setattr("rigctl_validation.work.likeness", searched_again)
     again = carry_out(scenario, {scenario.name: first})
     assert replace(again, seconds=first.seconds) == first
     unreached = replace(first, untested="no amplitude of valve_leakage has the size wanted", verdict=None)

@@ -10,12 +10,16 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """One command: its name, what implements it in `rigctl.cli.commands`, and its line in the overview."""
+    """One command: its name, what implements it, and its line in the overview.
+
+    The module of `target` is in `rigctl.cli.commands`, or in `package` if that is another distribution's.
+    """
 
     name: str
     target: str
     panel: str
     summary: str
+    package: str = "rigctl.cli.commands"
 
 
 START = "Start here"
@@ -55,7 +59,13 @@ ENTRIES = (
     Entry("family", "family_new:app", PHYSICS, "Draft a family, rig and model from your own data."),
     Entry("effects", "effects:app", PHYSICS, "List, show and check effects, and your own."),
     Entry("emulate", "emulate:emulate", TOOLS, "Emulate the board's firmware and its serial port."),
-    Entry("validate", "validate:validate", TOOLS, "Measure how often the diagnosis is right."),
+    Entry(
+        "validate",
+        "command:validate",
+        TOOLS,
+        "Measure how often the diagnosis is right.",
+        "rigctl_validation",
+    ),
     Entry("schema", "schema:schema", TOOLS, "Print the JSON Schema of a kind of file."),
     Entry("doctor", "doctor:doctor", TOOLS, "Report what is installed and what is missing."),
 )

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import wraps
 from importlib import import_module
+from importlib.util import find_spec
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -62,9 +63,23 @@ class LazyGroup(TyperGroup):
 
 
 def load_command(name: str) -> Any:
-    """Import a command's module and make the command from its function or sub-application."""
-    module_name, attribute = BY_NAME[name].target.split(":")
-    target = getattr(import_module(f"rigctl.cli.commands.{module_name}"), attribute)
+    """Import a command's module and make the command from its function or sub-application.
+
+    Raises
+    ------
+    RigctlError
+        the command belongs to a distribution that is not installed.
+    """
+    entry = BY_NAME[name]
+    module_name, attribute = entry.target.split(":")
+    if find_spec(entry.package) is None:
+        distribution = entry.package.replace("_", "-")
+        raise RigctlError(
+            f"'rigctl {name}' is in a package of its own, which is not installed",
+            value=distribution,
+            hint=f"In a clone of rigctl: pip install ./{distribution}",
+        )
+    target = getattr(import_module(f"{entry.package}.{module_name}"), attribute)
     if not isinstance(target, typer.Typer):
         function, target = target, typer.Typer(add_completion=False)
         target.command(name, no_args_is_help=False)(function)
