@@ -108,3 +108,13 @@ def test_any_value_in_any_step_gives_a_plan_or_one_error(verb: str, value: objec
 
     step = {verb: value, **({"do": inside} if verb != "do" else {})}
     check(json.dumps({"procedure": "x", "steps": [step]}))
+
+
+def test_a_missing_field_is_reported_with_an_example_of_its_step() -> None:
+    head = "procedure: p\nrig: rigs/hl32-bench.yaml\nsteps:\n"
+    error = outcome(f"{head}  - measure: {{name: top, value: last(position)}}\n")
+    assert isinstance(error, RigctlError)
+    assert (
+        "the field 'unit' is missing; expected e.g. measure: {name: zero, value: mean(position), unit: mm"
+        in (str(error))
+    )

@@ -163,7 +163,8 @@ def _error(
     if kind == "missing" and isinstance(loc[-1], int):
         return RigctlError("too few entries", expected=f"{loc[-1] + 1} or more", where=document.locate(loc))
     if kind == "missing":
-        return RigctlError(f"the field '{loc[-1]}' is missing", where=document.locate(loc))
+        example = _example(model, tuple(detail["loc"]))
+        return RigctlError(f"the field '{loc[-1]}' is missing", expected=example, where=document.locate(loc))
     if kind == refusal.TYPE:
         error: RigctlError = context["error"]
         if of_key:
@@ -172,6 +173,16 @@ def _error(
         return _named(error, loc, document).at(document.locate(loc))
     error = _from_kind(kind, detail, context, _written(document, loc, detail))
     return _named(error, loc, document).at(document.locate(loc))
+
+
+def _example(model: type[BaseModel], loc: tuple[Key, ...]) -> str | None:
+    """The example of the one part around `loc` that declares one, if it is a single line."""
+    for end in range(len(loc) - 1, -1, -1):
+        declared = {getattr(kind, "example", None) for kind in types_at(model, loc[:end])}
+        found = [one.strip().removeprefix("- ") for one in declared if isinstance(one, str)]
+        if found:
+            return f"e.g. {found[0]}" if len(found) == 1 and "\n" not in found[0] else None
+    return None
 
 
 def _from_kind(  # noqa: PLR0911 - one for each kind of complaint

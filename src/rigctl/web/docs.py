@@ -1,4 +1,4 @@
-"""The built documentation site, served without a network."""
+"""The documentation site, served without a network; in a checkout without it, the pages as written."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ _KINDS: Final = {
     ".svg": "image/svg+xml",
     ".png": "image/png",
 }
+_LINK: Final = re.compile(r"\]\(((?:tutorial|how-to|reference|explanation)/[^)#]+\.md)\)")
 _INLINE: Final = re.compile(r"<script(?![^>]*\bsrc=)[^>]*>(.*?)</script>", re.DOTALL)
 
 
@@ -40,25 +41,37 @@ def site_folder() -> Path | None:
     return None
 
 
+def written_pages() -> list[dict[str, str]]:
+    """Path and title of the pages of a checkout, in the order of their links on the first page."""
+    folder = shipped("docs")
+    first = folder / "README.md"
+    if not first.is_file():
+        return []
+    named = dict.fromkeys(_LINK.findall(first.read_text(encoding="utf-8")))
+    pages = {path: folder / path for path in named if (folder / path).is_file()}
+    titles = {path: file.read_text(encoding="utf-8").partition("\n")[0] for path, file in pages.items()}
+    return [{"path": path, "title": title.lstrip("# ")} for path, title in titles.items()]
+
+
 def routes(_: Site) -> Sequence[BaseRoute]:
-    """The routes of the page: whether the site exists, and its files."""
+    """The routes of the page: whether the site exists or which pages do, and the files."""
     return (
-        get("/api/docs", lambda _: {"there": site_folder() is not None}),
+        get("/api/docs", lambda _: {"there": site_folder() is not None, "pages": written_pages()}),
         get("/docs/{path:path}", page),
     )
 
 
 def page(request: PageRequest) -> Response:
-    """A file of the site.
+    """A file of the site, or a page as it is written.
 
     Raises
     ------
     RigctlError
         the site was not built, or has no such file.
     """
-    folder, path = site_folder(), request.text("path") or "index.html"
-    file = folder and (folder / path).resolve() if "\0" not in path else None
-    if folder is None or file is None or not file.is_relative_to(folder.resolve()) or not file.is_file():
+    folder, path = site_folder() or shipped("docs"), request.text("path") or "index.html"
+    file = (folder / path).resolve() if "\0" not in path else None
+    if file is None or not file.is_relative_to(folder.resolve()) or not file.is_file():
         raise RigctlError("the documentation has no such page", value=path)
     content = file.read_bytes()
     html = file.suffix == ".html"

@@ -50,7 +50,8 @@ class FirstFit:
             if self.span[name] > 0.0
         ]
         texts += [
-            f"Warning: the first fit explains only {share:.0%} of {name}. This is not yet a model of it"
+            f"Warning: the first fit explains only {share:.0%} of {name}. This is not yet a model of it; "
+            "'--template' drafts the equations of a motor, heater, tank or flow"
             for name, share in self.explained.items()
             if share < ENOUGH
         ]

@@ -529,6 +529,18 @@ export const show = async (container) => {
   document.head.append(h("link", { rel: "stylesheet", href: "/assets/workbench/workbench.css" }));
   const area = h("div", { class: "area" });
   const progress = h("p", { class: "note", role: "status" });
+  const took = h("span", { class: "note", "aria-hidden": "true" });
+  const waiting = (text) => {
+    progress.replaceChildren(text, ...(text ? [took] : []));
+    clearInterval(ticking);
+    const since = Date.now();
+    took.textContent = "";
+    if (text) ticking = setInterval(() => {
+      took.textContent = `, ${Math.round((Date.now() - since) / 1000)} s`;
+      if (!took.isConnected) clearInterval(ticking);
+    }, 1000);
+  };
+  let ticking = 0;
   let link = null;
   let now = null;
   let restoring = null;
@@ -548,9 +560,9 @@ export const show = async (container) => {
     remember({ ...asked, ...restoring, cards });
     const mine = connect((header, arrays) => {
       if (link !== mine) return;
-      if (header.kind === "progress") progress.textContent = header.text;
+      if (header.kind === "progress") waiting(header.text);
       else if (header.kind === "opened") {
-        progress.textContent = "";
+        waiting("");
         const older = now;
         now = { ...bench(area, header, { send: mine.send, asked, desk }), open };
         desk.retire();
@@ -565,15 +577,18 @@ export const show = async (container) => {
         if (!older) desk.restore().catch(complain);
       } else if (now) now.hear(header, arrays);
       else if (header.kind === "problem") {
-        progress.textContent = "";
+        waiting("");
+        choosing.open = true;
         say(header.error.message, "bad");
       }
     });
     link = mine;
-    progress.textContent = "Starting";
+    waiting("Starting");
+    choosing.open = false;
     mine.socket.addEventListener("close", () => {
       if (link !== mine) return;
       link = null;
+      waiting("");
       progress.replaceChildren("The connection has ended. ", button("Open again", () => open(remembered() ?? asked), { class: "small" }));
     });
     await mine.ready;
