@@ -115,6 +115,8 @@ def test_an_invalid_or_wrong_quantity_is_refused_with_its_message(text: str, uni
         "bar^99",
         "bar^x",
         "(bar",
+        "(bar s",
+        "(bar 1",
         "bar)",
         "bar//s",
         "*bar",
@@ -232,7 +234,8 @@ def test_common_units_are_read_without_importing_pint() -> None:
 def test_a_value_off_its_bound_only_by_rounding_is_put_on_the_bound() -> None:
     assert onto_bound(read_si("0.06 l/min", "m^3/s"), 1e-6, 1e-2) == 1e-6
     assert onto_bound(1.0000000000000002e-2, 1e-6, 1e-2) == 1e-2
-    assert onto_bound(1.1e-2, 1e-6, 1e-2) == 1.1e-2
+    for beyond in (1.1e-2, 1e-2 * (1.0 + 1e-9), 1e-6 * (1.0 - 1e-9)):
+        assert onto_bound(beyond, 1e-6, 1e-2) == beyond
 
 
 @pytest.mark.parametrize("quantity", sorted(UNITS_OF))
@@ -289,6 +292,9 @@ def test_a_number_below_a_million_is_written_without_a_power_of_ten() -> None:
     assert significant(-123456.0, 3, sign=True) == "-123000"
     assert significant(100.4, 2, sign=True) == "+100"
     assert significant(1.5e-5, 2) == "1.5e-05"
+    assert significant(999999.0) == "1e+06"
+    assert significant(999900.0) == "999900"
+    assert significant(-0.0, sign=True) == "+0"
     assert with_uncertainty(48542.0, math.nan, "N") == "48540 N"
 
 

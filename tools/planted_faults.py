@@ -134,7 +134,9 @@ class _Walk:
 
 
 def _wording(parent: ast.AST, field: str, child: ast.AST) -> bool:
-    """Whether a part of the tree is no behaviour: a type, a decorator, a docstring, a message."""
+    """Whether a part of the tree is no behaviour: a type, a decorator, a docstring, a message, a check."""
+    if isinstance(child, ast.keyword) and child.arg == "strict":
+        return True
     if field in ("annotation", "returns", "decorator_list", "bases") or isinstance(child, ast.JoinedStr):
         return True
     if isinstance(parent, ast.Raise) or (
@@ -322,10 +324,14 @@ def _attributes(old: type, new: type) -> bool:
 
 
 def _defaults(old: FunctionType, new: FunctionType) -> bool:
+    """Give a function the plain defaults of another; those that are objects of classes stay its own."""
     changed = False
-    for name in ("__defaults__", "__kwdefaults__"):
-        value, before = getattr(new, name), getattr(old, name)
-        if _plain(value) and repr(value) != repr(before):
-            setattr(old, name, value)
-            changed = True
+    pairs = zip(old.__defaults__ or (), new.__defaults__ or (), strict=False)
+    values = tuple(value if _plain(value) and _plain(before) else before for before, value in pairs)
+    if repr(values) != repr(old.__defaults__ or ()):
+        old.__defaults__, changed = values, True
+    for name, value in (new.__kwdefaults__ or {}).items():
+        before = (old.__kwdefaults__ or {}).get(name)
+        if _plain(value) and _plain(before) and repr(value) != repr(before):
+            old.__kwdefaults__, changed = {**(old.__kwdefaults__ or {}), name: value}, True
     return changed

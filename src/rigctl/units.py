@@ -212,7 +212,6 @@ def registry() -> pint.UnitRegistry[Any]:
 
 # units with a fixed SI form: a process that reads only these need not import pint
 _COMMON: Mapping[str, tuple[tuple[int, ...], float, float]] = {
-    "": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
     "1": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
     "count": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
     "%": ((0, 0, 0, 0, 0, 0, 0), 0.01, 0.0),
@@ -242,9 +241,6 @@ _COMMON: Mapping[str, tuple[tuple[int, ...], float, float]] = {
     "J": ((2, 1, -2, 0, 0, 0, 0), 1.0, 0.0),
     "kJ": ((2, 1, -2, 0, 0, 0, 0), 1e3, 0.0),
     "kg": ((0, 1, 0, 0, 0, 0, 0), 1.0, 0.0),
-    "m/s": ((1, 0, -1, 0, 0, 0, 0), 1.0, 0.0),
-    "m^3/s": ((3, 0, -1, 0, 0, 0, 0), 1.0, 0.0),
-    "l/min": ((3, 0, -1, 0, 0, 0, 0), 1e-3 / 60.0, 0.0),
 }
 # likewise, for units in which dimensions are written; they are not suggested for misspelt names
 _ELECTRICAL: Mapping[str, tuple[tuple[int, ...], float, float]] = {
@@ -400,8 +396,8 @@ def is_angle(text: str) -> bool:
 
 def _unknown_unit(text: str) -> RigctlError:
     listed = {unit for units in UNITS_OF.values() for unit in units}
-    known = [name for name in dict.fromkeys((*_COMMON, *listed, "percent")) if name]
-    usual = [name for name in (*_COMMON, "mm^2", "cm^3", "N*s/m", "degF", "rpm", "ohm") if name]
+    known = list(dict.fromkeys((*_COMMON, *listed, "percent")))
+    usual = (*_COMMON, "m/s", "m^3/s", "l/min", "mm^2", "cm^3", "N*s/m", "degF", "rpm", "ohm")
     same = [name for name in known if name.casefold() == text.strip().casefold()]
     return RigctlError(
         "unknown unit",

@@ -116,6 +116,10 @@ def test_an_effect_that_alone_fails_cross_validation_is_not_certain(
 
 
 def test_a_complete_pair_is_judged_as_a_pair(pair: Callable[..., Answer]) -> None:
+    """What a member leaves alone is explained by the other."""
+    alone = pair(LEFT, remaining=None)
+    assert levels(alone) == [(True, True, True)] * 2
+    assert alone.certain_alone(certain_levels(alone, (), ())) == ()
     answer = pair({"alpha": 0.5, "beta": 0.9}, remaining=None)
     assert all(one.place_sure for one in certain_levels(answer, (), ()))
     assert answer.alone_text(certain_levels(answer, (), ())) == []

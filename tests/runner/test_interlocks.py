@@ -44,7 +44,7 @@ def test_a_limit_trips_once_after_its_persistence(rig: Rig) -> None:
     alarms = feed(Interlocks(rig), [row(0.1 * i, pressure=61e5) for i in range(50)])
     assert [(a.name, a.action, a.active) for a in alarms] == [("over_pressure", "stop", True)]
     assert alarms[0].time == pytest.approx(0.1)  # the first sample at least 50 ms after the first one outside
-    assert "Supply over-pressure: supply_pressure is 61 bar, above the limit of 60 bar" in alarms[0].message
+    assert alarms[0].message == "Supply over-pressure: supply_pressure is 61 bar, above the limit of 60 bar"
 
 
 def test_single_samples_outside_a_limit_do_not_trip_it(rig: Rig) -> None:
@@ -83,6 +83,7 @@ def test_a_reading_beyond_all_that_is_possible_exceeds_the_limit_before_it(rig: 
     alarms = feed(Interlocks(rig), [row(0.01 * i, pressure=high) for i in range(10)])
     assert [alarm.name for alarm in alarms] == ["over_pressure"]
     assert alarms[0].time == pytest.approx(0.05)
+    assert alarms[0].message.endswith("; that is impossible, the sensor or its line may be broken")
 
 
 @pytest.mark.parametrize("every", [2, 3, 4])
@@ -94,6 +95,18 @@ def test_a_sensor_that_fails_again_and_again_is_broken(rig: Rig, every: int, rat
     assert [alarm.name for alarm in alarms] == ["oil_temperature sensor"]
     assert alarms[0].time <= max(5.0 * rig.stale_after, 20.0 / rate)
     assert "gives no value: sensor or line broken, as in" in alarms[0].message
+
+
+@pytest.mark.parametrize("stale_after", [0.5, 2.0])
+def test_the_share_of_missing_readings_is_taken_over_five_times_the_limit_for_silence(
+    stale_after: float,
+) -> None:
+    """A quarter of the readings is more than the fifth that a sensor may lack."""
+    rows = [row(0.05 * i, oil=WARM if i % 4 else math.nan) for i in range(1, 1000)]
+    locks = Interlocks(SHIPPED.model_copy(update={"stale_after": stale_after}))
+    first = next(alarm for alarm in feed(locks, rows) if alarm.action == "stop")
+    assert first.name == "oil_temperature sensor"
+    assert 4.0 * 0.9 * stale_after <= first.time <= 5.0 * stale_after
 
 
 def test_a_reading_that_fails_now_and_then_is_no_broken_sensor(rig: Rig) -> None:
@@ -159,15 +172,19 @@ def test_a_reading_beyond_its_limit_has_to_come_nearer_to_it_and_not_stay(
 ) -> None:
     """`drift` is away from the limit, Pa/s, while the output that was on at the trip stays on."""
     sign = 1.0 if bound == "above" else -1.0
-    limit = Limit.model_validate({"channel": "supply_pressure", bound: "40 bar"})
-    locks = Interlocks(SHIPPED.model_copy(update={"limits": {"pressure": limit}}))
-    rows = [
-        (0.125 * i, -1.0, WARM, 40e5 + sign * (1e5 + drift * 0.125 * i), POSITION, 1.0, 0.0, 20e5)
-        for i in range(1, 200)
+    limits = {
+        action: Limit.model_validate({"channel": "supply_pressure", bound: at, "action": action})
+        for action, at in (("stop", "40 bar"), ("warn", "35 bar" if bound == "above" else "45 bar"))
+    }
+    locks = Interlocks(SHIPPED.model_copy(update={"limits": limits}))
+    rows = [(0.125 * i, -1.0, WARM, 40e5 - sign * 3e5, POSITION, 0.0, 0.0, 20e5) for i in range(9)]
+    rows += [
+        (time, -1.0, WARM, 40e5 + sign * (1e5 + drift * time), POSITION, 1.0, 0.0, 20e5)
+        for time in (0.125 * i for i in range(9, 200))
     ]
-    first, *again = feed(locks, rows)
-    assert first.active
-    assert [alarm.time for alarm in again][:1] == ([pytest.approx(10.25, abs=0.2)] if trips else [])
+    alarms = feed(locks, rows)
+    assert [(alarm.name, alarm.time) for alarm in alarms[:2]] == [("warn", 0.0), ("stop", 1.125)]
+    assert [alarm.time for alarm in alarms[2:3]] == ([pytest.approx(11.25, abs=0.2)] if trips else [])
 
 
 @pytest.mark.parametrize(
@@ -324,10 +341,30 @@ def test_noise_of_more_than_ten_times_the_stated_one_is_reported(times: float, r
     assert [alarm.name for alarm in alarms[:1]] == (["supply_pressure noise"] if reported else [])
 
 
-def standstill(**fields: Any) -> Interlocks:
+def zigzag(*counts: int) -> list[float]:
+    """The times of the warnings where the pressure zigzags for some samples, rests for some, and so on."""
+    swings = [index % 2 if phase % 2 == 0 else 0 for phase, n in enumerate(counts) for index in range(n)]
+    rows = [row(float(time), pressure=20e5 + 5e5 * swing) for time, swing in enumerate(swings)]
+    return [alarm.time for alarm in feed(Interlocks(SHIPPED), rows) if "noise" in alarm.name]
+
+
+def test_noise_is_reported_once_more_than_half_of_32_samples_bend() -> None:
+    """The first bend needs three samples, and a swing that stays bends the two after it."""
+    assert zigzag(19) == [18.0]
+    assert zigzag(17, 100) == []
+    assert zigzag(18, 100) == [18.0]
+
+
+def test_noise_is_reported_again_only_after_32_samples_without_any() -> None:
+    assert zigzag(40, 30, 40) == [18.0]
+    assert zigzag(40, 60, 40) == [18.0, 117.0]
+
+
+def standstill(safe: dict[str, float] | None = None, **fields: Any) -> Interlocks:
     """Interlocks of the shipped bench with a single limit: a standstill of the oil temperature."""
     limit = Limit.model_validate({"channel": "oil_temperature", "unchanged": "10 s", **fields})
-    return Interlocks(SHIPPED.model_copy(update={"limits": {"thermometer_stuck": limit}}))
+    changed = {"limits": {"thermometer_stuck": limit}, "safe_state": {**SHIPPED.safe_state, **(safe or {})}}
+    return Interlocks(SHIPPED.model_copy(update=changed))
 
 
 def test_a_reading_that_stays_exactly_the_same_is_a_stuck_sensor() -> None:
@@ -364,3 +401,6 @@ def test_a_standstill_counts_only_while_its_actuator_is_driven() -> None:
     alarms = feed(standstill(while_on="heater"), [heated(float(i)) for i in range(60)])
     assert [alarm.time for alarm in alarms] == [49.0]  # 10 s after the last reading with the heater off
     assert "while heater was on" in alarms[0].message
+    on_when_safe = standstill({"heater": 1.0}, while_on="heater")
+    found = [(a.time, a.active) for a in feed(on_when_safe, [heated(float(i)) for i in range(60)])]
+    assert found == [(10.0, True), (40.0, False)]

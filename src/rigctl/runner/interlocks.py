@@ -212,8 +212,8 @@ class Disturbance:
         bend = abs(value - 2.0 * self.past + self.before)
         self.before, self.past = self.past, value
         self.history = (self.history << 1 | (bend > self.threshold)) & _NOISE_MASK
-        if self.raised or not self.history:
-            self.raised = self.raised and self.history > 0
+        if self.raised:
+            self.raised = self.history > 0
             return None
         if self.history.bit_count() <= _NOISE_SAMPLES // 2:
             return None
@@ -363,8 +363,7 @@ class Interlocks:
         newest: s, time of the newest sample, or when sampling was started.
         period: s between samples; a slow rate is not silence.
         """
-        allowed = max(self._stale_after, 3.0 * period)
-        if self._silent or now - newest < allowed - _SLACK:
+        if self._silent or now - newest < self.silence_limit(period) - _SLACK:
             return None
         self._silent = True
         message = f"no sample for {now - newest:.3g} s, expected one every {period:.3g} s"

@@ -42,7 +42,7 @@ class Persistence:
     @property
     def calm(self) -> bool:
         """True if no reading was outside within the window."""
-        return not self._recent and self.since is None
+        return not self._recent
 
     @property
     def share(self) -> tuple[int, int]:
@@ -59,8 +59,6 @@ class Persistence:
         """Take a reading outside; returns whether they have been outside for long enough."""
         if self.since is None:
             self.since = time
-        if self.duration <= 0.0:
-            return True
         window = self._add(time, outside=True)
         if self.unbroken(time):
             return True
