@@ -4,6 +4,7 @@ python tools/mutants.py                      every room
 python tools/mutants.py units journal        these rooms
 python tools/mutants.py --sample 0           every fault, not a sample of 150 for each room
 python tools/mutants.py --since main         only in lines that differ from a commit
+python tools/mutants.py --only _scan         only in functions or files with this in their name
 
 A fault is a small change of the syntax tree: ``<`` for ``<=``, a condition dropped, a call left out, a number
 changed. The tests of a room are collected once, in this process. A forked copy of it runs them all and notes
@@ -28,7 +29,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import tomllib
 from collections import Counter
@@ -36,10 +36,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any, NoReturn
 
-from planted_faults import ROOT, SOURCE, Fault, Planter, forget
+from planted_faults import ROOT, SOURCE, Fault, Planter
 
 GOAL = 0.95
 #: s of processor time; a test that takes longer is left out, since survivors run every test that reaches them
@@ -89,7 +88,7 @@ class Rounds:
         for name in self._entry.get("imports", ()):
             importlib.import_module(name)
         planter = Planter(self._files)
-        reached = self._look(session.items)
+        reached = self._look(session.items, planter)
         chosen = self._choose(planter.faults())
         counts: Counter[str] = Counter()
         for fault in chosen:
@@ -114,19 +113,20 @@ class Rounds:
         if self._options.since:
             lines = {file: changed_lines(file, self._options.since) for file in self._files}
             every = [one for one in every if lines[one.file] & set(range(one.lines[0], one.lines[1] + 1))]
+        every = [one for one in every if self._options.only in f"{one.file} {one.where}"]
         if not 0 < self._options.sample < len(every):
             return list(every)
         generator = random.Random(self._options.seed)
         picked = sorted(generator.sample(range(len(every)), self._options.sample))
         return [every[index] for index in picked]
 
-    def _look(self, items: Sequence[Any]) -> list[Reach]:
+    def _look(self, items: Sequence[Any], planter: Planter) -> list[Reach]:
         """Run every test once, in a copy; those that fail without any fault are named and left out."""
         with tempfile.TemporaryFile("w+", encoding="utf-8") as file:
             pid = os.fork()
             if pid == 0:
                 _quiet()
-                _note(items, self._files, file)
+                _note(items, planter, file)
             os.waitpid(pid, 0)
             file.seek(0)
             noted = [json.loads(line) for line in file]
@@ -190,17 +190,14 @@ def _run(items: Sequence[Any]) -> NoReturn:
     os._exit(0)
 
 
-def _note(items: Sequence[Any], files: Sequence[str], out: Any) -> NoReturn:
+def _note(items: Sequence[Any], planter: Planter, out: Any) -> NoReturn:
     """Run each test and write the lines that it reaches; those of a fixture count for its whole file."""
-    names = {str(SOURCE / file): file for file in files}
     lines: dict[str, set[int]] = {}
 
-    def local(frame: FrameType, event: str, argument: object) -> Any:
-        lines.setdefault(names[frame.f_code.co_filename], set()).add(frame.f_lineno)
-        return local
+    def reached(file: str, first: int, last: int) -> None:
+        lines.setdefault(file, set()).update(range(first, last + 1))
 
-    def called(frame: FrameType, event: str, argument: object) -> Any:
-        return local if frame.f_code.co_filename in names else None
+    planter.probe(reached)
 
     class Setup:
         """Lines that the fixtures of each file have reached."""
@@ -217,13 +214,9 @@ def _note(items: Sequence[Any], files: Sequence[str], out: Any) -> NoReturn:
     failed = 0
     for item, after in zip(items, [*items[1:], None], strict=True):
         lines.clear()
-        forget([m for m in list(sys.modules.values()) if getattr(m, "__file__", None) in names])
+        planter.forget()
         began = sum(os.times()[:4])
-        threading.settrace(called)
-        sys.settrace(called)
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
-        sys.settrace(None)
-        threading.settrace(None)  # type: ignore[arg-type]
         for name, numbers in setup.of.get(item.path, {}).items():
             lines.setdefault(name, set()).update(numbers)
         noted = {
@@ -267,6 +260,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=150, help="faults for each room; 0 is all of them")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--since", metavar="COMMIT", help="only in lines that differ from it")
+    parser.add_argument("--only", default="", metavar="TEXT", help="of a file's or a function's name")
     options = parser.parse_args(arguments)
     if not hasattr(os, "fork"):
         parser.error("needs fork, which this system does not have")

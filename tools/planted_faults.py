@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -43,6 +44,7 @@ _COMPUTED: dict[type[ast.operator], type[ast.operator]] = {
 _CALLED = {"min": "max", "max": "min", "any": "all", "all": "any", "floor": "ceil", "ceil": "floor"}
 #: statements that may be left out; without an assignment to a name, the next line would only fail
 _LEFT_OUT = (ast.Expr, ast.AugAssign, ast.Raise, ast.Continue, ast.Break, ast.Delete)
+_REACHED = "__reached__"
 #: a smaller number is a tolerance, for which twice as much means nothing
 _TOLERANCE = 1e-6
 #: longest text of a change; of a longer statement only the changed expression is shown
@@ -102,7 +104,7 @@ class _Walk:
             self._shown = []
         if isinstance(child, ast.expr) or (isinstance(child, ast.stmt) and not hasattr(child, "body")):
             self._shown = [*self._shown, child]
-        if isinstance(parent, ast.FunctionDef | ast.Lambda):
+        if isinstance(parent, ast.FunctionDef):
             self._inside = self._inside or field == "body"
         if isinstance(child, ast.FunctionDef | ast.ClassDef):
             self._names = [*self._names, child.name]
@@ -228,20 +230,42 @@ class Planter:
         path = SOURCE / fault.file
         fault.plant()
         code = compile(self._trees[fault.file], str(path), "exec")
-        functions = self._functions[fault.file]
+        changed = self._replace(fault.file, code)
+        if not fault.inside:
+            changed = self._constants(path, code, self._functions[fault.file]) or changed
+        self.forget()
+        return changed
+
+    def probe(self, reached: Callable[[str, int, int], None]) -> None:
+        """Let each statement in a function first call `reached` with its file and its first and last line."""
+        for file, tree in self._trees.items():
+            for function in ast.walk(tree):
+                if isinstance(function, ast.FunctionDef):
+                    _probe(function)
+            code = compile(ast.fix_missing_locations(tree), str(SOURCE / file), "exec")
+            self._replace(file, code)
+            for functions in self._functions[file].values():
+                functions[0].__globals__[_REACHED] = partial(reached, file)
+
+    @staticmethod
+    def forget() -> None:
+        """Empty the caches of functions; one with a single entry holds what is dear to create, and stays."""
+        for module in list(sys.modules.values()):
+            for value in list(vars(module).values()) if _ours(module) else ():
+                if hasattr(value, "cache_parameters") and value.cache_parameters()["maxsize"] != 1:
+                    value.cache_clear()
+
+    def _replace(self, file: str, code: CodeType) -> bool:
+        """Give functions the code of the same place; return whether any had another."""
         found = [
             (function, inner)
             for inner in _codes(code)
-            for function in functions.get(_place(inner), ())
+            for function in self._functions[file].get(_place(inner), ())
             if _differs(function.__code__, inner)
         ]
         for function, inner in found:
             function.__code__ = inner
-        changed = bool(found)
-        if not fault.inside:
-            changed = self._constants(path, code, functions) or changed
-        forget([module for module in list(sys.modules.values()) if _ours(module)])
-        return changed
+        return bool(found)
 
     @staticmethod
     def _constants(path: Path, code: CodeType, functions: dict[tuple[str, int], list[FunctionType]]) -> bool:
@@ -265,12 +289,23 @@ class Planter:
         return changed
 
 
-def forget(modules: Sequence[Any]) -> None:
-    """Empty the caches of functions; one with a single entry holds what is dear to create, and stays."""
-    for module in modules:
-        for value in list(vars(module).values()):
-            if hasattr(value, "cache_parameters") and value.cache_parameters()["maxsize"] != 1:
-                value.cache_clear()
+def _probe(node: ast.AST) -> None:
+    """Put a call before every statement of a function, but not of the functions in it."""
+    for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+        statements = getattr(node, field, None)
+        if not isinstance(statements, list):
+            continue
+        probed: list[ast.AST] = []
+        for one in statements:
+            if not isinstance(one, ast.FunctionDef | ast.ClassDef):
+                _probe(one)
+            if isinstance(one, ast.stmt):
+                last = one.body[0].lineno - 1 if getattr(one, "body", None) else one.end_lineno
+                arguments = [ast.Constant(one.lineno), ast.Constant(max(last or 0, one.lineno))]
+                call = ast.Call(ast.Name(_REACHED, ast.Load()), arguments, [])
+                probed.append(ast.copy_location(ast.Expr(call), one))
+            probed.append(one)
+        setattr(node, field, probed)
 
 
 def _ours(module: Any) -> bool:

@@ -8,12 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from rigctl.backends.protocol import Backend, Sample
 from rigctl.clock import VirtualClock
 from rigctl.dataset import open_run
+from rigctl.rig.possible_readings import PossibleReadings
 from rigctl.testing import RunLog, assert_tripped
 from run_workshop import Workshop
 
@@ -50,6 +52,19 @@ def run(workshop: Workshop) -> Callable[..., RunLog]:
         return workshop.run(steps, backend=bench)
 
     return carried_out
+
+
+def test_the_ends_of_a_range_are_possible(workshop: Workshop) -> None:
+    rig = workshop.rig()
+    possible = PossibleReadings(rig)
+    bands = [channel.band for channel in rig.channels.values()]
+    for ends in zip(*bands, strict=True):
+        row = (0.0, -1.0, *ends, 0.0, 0.0, 20e5)
+        assert possible.of(row) == row
+    lost = (0.0, -1.0, math.nan, bands[1][0], bands[2][1], 0.0, 0.0, 20e5)
+    np.testing.assert_array_equal(possible.of(lost), lost)
+    beyond = (0.0, -1.0, bands[0][0], bands[1][0] - 1.0, bands[2][1] + 1.0, 0.0, 0.0, 20e5)
+    np.testing.assert_array_equal(possible.of(beyond)[2:5], [bands[0][0], math.nan, math.nan])
 
 
 def every(number: int) -> Callable[[int], bool]:
