@@ -11,9 +11,9 @@ import pytest
 from rigctl.analysis.uncertainty_budget import READINGS, uncertainty_budgets
 from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.reading_errors import ReadingError
+from rigctl.model.reading_errors import CalibrationError
 
-READ = [ReadingError("t", part, 0.2, 300.0, 30.0, "K") for part in ("zero", "gain")]
+READ = [CalibrationError("t", part, 0.2, 300.0, 30.0, "K") for part in ("zero", "gain")]
 #: prior standard deviations; the first has none and is the number that is reported
 STD = (np.inf, 0.2, 0.2, 0.3)
 

@@ -77,8 +77,9 @@ class Adequacy:
     stated: channels whose errors are not white at the floor either, but within the noise that the rig file
         states.
     unusable: channels of which the rig file states a noise that is far from the data: nothing can be decided.
-    sensors: the errors of the calibrations; None if no uncertainty is stated.
-    misread: channels whose calibration would have to be wrong by more than the rig file states.
+    sensors: the errors of calibrations and clocks; None if no uncertainty is stated.
+    misread: channels whose calibration, and clocks that, would have to be wrong by more than the rig file
+        states.
     agrees: no test rejects, no channel is unproven, and none is misread.
     adequate: the model agrees, or no test can be trusted; ends a search, but does not say what explains the
         data.
@@ -104,8 +105,8 @@ class Adequacy:
 
     @property
     def misread(self) -> tuple[str, ...]:
-        """The channels that read more wrongly than their calibrations allow."""
-        return () if self.sensors is None else tuple(one.channel for one in self.sensors.beyond)
+        """The channels and clocks that are more wrong than their calibrations allow, or what is stated."""
+        return () if self.sensors is None else tuple(one.of[1] for one in self.sensors.beyond)
 
     @property
     def agrees(self) -> bool:

@@ -15,7 +15,7 @@ from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.record_level import RecordQuantity
 from rigctl.analysis.score_test import Screening
-from rigctl.analysis.sensors import SensorBudget
+from rigctl.analysis.sensors import SensorBudget, documents
 from rigctl.analysis.single_values.rows import TableRow
 from rigctl.analysis.slopes import KnownSlopes
 from rigctl.analysis.slot_evidence import SlotEvidence
@@ -32,6 +32,7 @@ from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
 from rigctl.model.fit.undetermined import Undetermined, first_statements, undetermined
 from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import Measurements
+from rigctl.model.reading_errors import CLOCK
 from rigctl.model.validity import Departure, departures
 from rigctl.noise import ChannelNoise
 from rigctl.notebook import as_html, one_line
@@ -51,6 +52,11 @@ def in_unit(error: ChannelError, unit_name: str) -> dict[str, Any]:
         "max": error.maximum / unit.factor,
         "noise": error.noise / unit.factor,
     }
+
+
+def offset_of_clock(explained_by: str) -> str:
+    """What is stated, in words: that of a clock is its offset."""
+    return explained_by.replace(CLOCK, "clock offset")
 
 
 @dataclass(frozen=True)
@@ -156,30 +162,33 @@ class ModelComparison:
     def statement(self) -> str:
         """The result in one plain sentence."""
         if self.sensors is not None and self.adequacy.only_misread:
-            errors = " and ".join(one.text for one in self.sensors.beyond)
             return (
-                f"{errors}, more than its calibration allows; with that error {self.name} agrees with the "
-                "measurements within their noise"
+                f"{self.sensors.beyond_text}; with that error {self.name} agrees with the measurements "
+                "within their noise"
             )
         if self.explained_by and self.sensors is not None and self.exact is not None:
             rejected = self.exact.adequacy.verdict is False
             chance = chance_text(self.exact.adequacy.p_value)
             exact = f"it would not ({chance})" if rejected else "that is not decided"
             return (
-                f"{self.name} agrees with the measurements within their noise and the stated calibration: "
-                f"{self.sensors.explanation}. With exact sensors {exact}"
+                f"{self.name} agrees with the measurements within their noise and the stated "
+                f"{offset_of_clock(self.explained_by)}: {self.sensors.explanation}. "
+                f"With exact {self.sensors.exact} {exact}"
             )
         return self.located.statement
 
     @property
     def sensors(self) -> SensorBudget | None:
-        """The errors of the calibrations; None if no uncertainty is stated."""
+        """The errors of calibrations and clocks; None if no uncertainty is stated."""
         return self.adequacy.sensors
 
     @property
     def explained_by(self) -> str | None:
-        """ "calibration" if the errors of sensors explain what the model leaves; else None."""
-        return "calibration" if self.exact is not None or self.adequacy.only_misread else None
+        """ "calibration", "clock" or both, if their errors explain what the model leaves; else None."""
+        if self.sensors is None or not (self.exact is not None or self.adequacy.only_misread):
+            return None
+        beyond = self.adequacy.only_misread
+        return self.sensors.kinds(self.sensors.beyond if beyond else self.sensors.explaining)
 
     def __repr__(self) -> str:
         """The verdict on one line."""
@@ -236,7 +245,7 @@ class ModelComparison:
             "unproven": list(self.adequacy.unproven),
             "decided_by": list(self.decided_by),
             "explained_by": self.explained_by,
-            "sensors": [] if self.sensors is None else [one.document() for one in self.sensors.misreadings],
+            **documents(self.sensors),
             "below_noise": self.adequacy.below_noise,
             "p_value": self.adequacy.p_value,
             "tests": tests,

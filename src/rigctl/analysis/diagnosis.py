@@ -137,7 +137,7 @@ def diagnose_comparison(
         drift=tuple(drift),
         statement=remarks.statement or statement.text,
         opening=statement.opening,
-        evidence=(*_evidence(judgement, ranking), *_exact_text(exact), *drift_text(drift)),
+        evidence=(*_evidence(judgement, ranking), *_exact_text(before, exact), *drift_text(drift)),
         held_out=tuple(held_out),
         notes=tuple(notes),
         before=before,
@@ -226,9 +226,11 @@ def _with_exact_sensors(
     return diagnose_comparison(before.exact, most=most, further_laws=lambda _: False, on_progress=on_progress)
 
 
-def _exact_text(exact: Diagnosis | None) -> list[str]:
+def _exact_text(before: ModelComparison, exact: Diagnosis | None) -> list[str]:
     """The verdict that exact sensors would have, in a sentence."""
-    return [] if exact is None else [f"with exact sensors, {would_be_missing(exact)}"]
+    if exact is None or before.sensors is None:
+        return []
+    return [f"with exact {before.sensors.exact}, {would_be_missing(exact)}"]
 
 
 def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> Statement:

@@ -10,18 +10,19 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.bootstrap import Bootstrap
-from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.comparison_result import ModelComparison, offset_of_clock
 from rigctl.analysis.identity import Levels, certain_members
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
-from rigctl.analysis.sensors import SensorBudget, sensor_budget
+from rigctl.analysis.sensors import SensorBudget, documents, sensor_budget
 from rigctl.analysis.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
 from rigctl.effects.declaration import EffectParameter
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.assumptions import Conditional, conditional_document
 from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
 from rigctl.model.fit.undetermined import first_statements
+from rigctl.model.reading_errors import CLOCK
 from rigctl.model.validity import Departure
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, significant, with_uncertainty
@@ -281,9 +282,10 @@ class Diagnosis:
             return "Not decided"
         if self.before.adequacy.only_misread and not self.effects:
             exact = self.with_exact_sensors
-            return "A sensor reads wrongly" + (", or an effect is missing" if exact and exact.effects else "")
+            what = "A clock is off" if self.before.explained_by == CLOCK else "A sensor reads wrongly"
+            return what + (", or an effect is missing" if exact and exact.effects else "")
         if self.before.explained_by and self.verdict is Verdict.ADEQUATE:
-            return "Adequate within the stated calibration"
+            return f"Adequate within the stated {offset_of_clock(self.before.explained_by)}"
         return {
             Verdict.ADEQUATE: "Adequate",
             Verdict.MISSING_EFFECT: "An effect is missing",
@@ -319,7 +321,7 @@ class Diagnosis:
 
     @cached_property
     def sensors(self) -> SensorBudget | None:
-        """The errors of the calibrations beside the effects that are named; None if none are in the fit."""
+        """The errors of calibrations and clocks beside the effects that are named; None if none are in the fit."""
         return sensor_budget(self.best.fit) if self.effects else self.before.sensors
 
     @property
@@ -335,7 +337,7 @@ class Diagnosis:
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
-        sensors, exact = self.sensors, self.with_exact_sensors
+        exact = self.with_exact_sensors
         return {
             "runs": list(self.runs),
             "model": self.model,
@@ -353,7 +355,7 @@ class Diagnosis:
             "undetermined": [one.document() for one in self.before.undetermined],
             "uncertainty_budget": [one.document() for one in self.budgets],
             "explained_by": self.before.explained_by if not self.effects else None,
-            "sensors": [] if sensors is None else [one.document() for one in sensors.misreadings],
+            **documents(self.sensors),
             "with_exact_sensors": None
             if exact is None
             else {"verdict": exact.verdict.value, "effects": list(exact.effects)},

@@ -1,8 +1,8 @@
-"""Is it the sensor or the model? What the errors of calibrations explain, and which of them are too large.
+"""Is it the sensor or the model? What errors of calibrations and clocks explain, and which are too large.
 
-The fit has the errors c of the calibrations among its unknowns, with priors N(0, P) that the rig file states
-(`rigctl.model.reading_errors`). With ĉ their estimates and C their covariance, everything else being free,
-and as far as the problem is linear,
+The fit has the errors c of calibrations and clocks among its unknowns, with priors N(0, P) that the rig file
+states (`rigctl.model.reading_errors`). With ĉ their estimates and C their covariance, everything else being
+free, and as far as the problem is linear,
 
 - sensors without any error would raise χ² by ``ĉᵀC⁻¹ĉ``; if only those of the channels in R had none, by
   ``ĉ_Rᵀ(C_RR)⁻¹ĉ_R``;
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.chi_square import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.reading_errors import ReadingError
+from rigctl.model.reading_errors import CALIBRATION, CLOCK, CalibrationError, ClockError, ReadingError
 from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
@@ -61,6 +61,11 @@ class Misreading:
     difference: bool = False
 
     @property
+    def of(self) -> tuple[str, str, int]:
+        """That of its unknowns."""
+        return CALIBRATION, self.channel, self.number
+
+    @property
     def text(self) -> str:
         """``temperature_1 reads 0.8 K high at 55 degC (stated ±1 K)``."""
         size = show(abs(self.error), self.unit, difference=True, digits=2)
@@ -69,6 +74,14 @@ class Misreading:
         direction = "high" if self.error > 0.0 else "low"
         again = f" under its calibration {self.number}" if self.number > 1 else ""
         return f"{self.channel}{again} reads {size} {direction} at {at} (stated ±{stated})"
+
+    def remedy(self, share: float) -> str:
+        """The calibration with this share of its uncertainty that would decide between it and the model."""
+        better = show(share * self.stated, self.unit, difference=True, digits=1)
+        return (
+            f"recalibrate {self.channel} to ±{better}: if its error is as small, something is "
+            "missing in the model; if not, it was the sensor"
+        )
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form, in the channel's unit."""
@@ -86,25 +99,108 @@ class Misreading:
 
 
 @dataclass(frozen=True)
+class WrongClock:
+    """The offset that a fit found of one clock, s.
+
+    Attributes
+    ----------
+    clock, channels: its name, and what it dates.
+    error: how far it is behind: its readings were taken later than they say.
+    std: standard deviation of that offset.
+    stated: the uncertainty that the rig file states for it, 95 %.
+    beyond: it contradicts what is stated.
+    number: from 1, if the rig file has changed what it says of the clock.
+    """
+
+    clock: str
+    channels: tuple[str, ...]
+    error: float
+    std: float
+    stated: float
+    beyond: bool
+    number: int = 1
+
+    @property
+    def of(self) -> tuple[str, str, int]:
+        """That of its unknown."""
+        return CLOCK, self.clock, self.number
+
+    @property
+    def _unit(self) -> str:
+        return "ms" if self.stated < 1.0 else "s"
+
+    @property
+    def text(self) -> str:
+        """``the clock logger_b is 32 ms behind (stated ±50 ms)``."""
+        size, stated = show(abs(self.error), self._unit, digits=2), show(self.stated, self._unit, digits=2)
+        direction = "behind" if self.error > 0.0 else "ahead"
+        again = f" under its statement {self.number}" if self.number > 1 else ""
+        return f"the clock {self.clock}{again} is {size} {direction} (stated ±{stated})"
+
+    def remedy(self, share: float) -> str:
+        """The measurement to this share of its uncertainty that would decide between it and the model."""
+        better = show(share * self.stated, self._unit, digits=1)
+        return (
+            f"measure the offset of the clock {self.clock} to ±{better}, by an edge that it and the commands "
+            "both date: if it is as small, something is missing in the model; if not, it was the clock"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Its machine-readable form."""
+        return {
+            "clock": self.clock,
+            "channels": list(self.channels),
+            "behind": self.error,
+            "std": self.std,
+            "stated": self.stated,
+            "unit": "s",
+            "beyond": self.beyond,
+        }
+
+
+@dataclass(frozen=True)
 class SensorBudget:
-    """The errors of all calibrations together, as a fit estimates them.
+    """The errors of all calibrations and clocks together, as a fit estimates them.
 
     Attributes
     ----------
     errors: the parts, in the order of the arrays.
     estimate, covariance: (c) and (c, c), SI.
-    misreadings: of each channel.
+    misreadings: of each channel and clock.
     """
 
     errors: tuple[ReadingError, ...]
     estimate: Floats
     covariance: Floats
-    misreadings: tuple[Misreading, ...]
+    misreadings: tuple[Misreading | WrongClock, ...]
 
     @property
-    def beyond(self) -> tuple[Misreading, ...]:
+    def beyond(self) -> tuple[Misreading | WrongClock, ...]:
         """Those that contradict what the rig file states."""
         return tuple(one for one in self.misreadings if one.beyond)
+
+    @property
+    def misread(self) -> tuple[Misreading, ...]:
+        """The channels among `beyond`."""
+        return tuple(one for one in self.beyond if isinstance(one, Misreading))
+
+    def kinds(self, of: Sequence[Misreading | WrongClock]) -> str:
+        """What some of them are errors of: ``calibration``, ``clock``, or both."""
+        between = " or " if of == self.explaining and self.alternatives else " and "
+        return between.join(kind for kind in (CALIBRATION, CLOCK) if any(one.of[0] == kind for one in of))
+
+    @property
+    def beyond_text(self) -> str:
+        """``temperature_1 reads 1.5 K high at 55 degC (stated ±1 K), more than its calibration allows``."""
+        errors = " and ".join(one.text for one in self.beyond)
+        clocks = len(self.misread) < len(self.beyond)
+        return f"{errors}, more than {'is stated' if clocks else 'its calibration allows'}"
+
+    @property
+    def exact(self) -> str:
+        """What would be exact without `explaining`: ``sensors``, ``clocks``, or both."""
+        kinds = {one.of[0] for one in self.explaining}
+        return "sensors" + " and clocks" * (CLOCK in kinds) if CALIBRATION in kinds else "clocks"
 
     @cached_property
     def matters(self) -> bool:
@@ -114,8 +210,8 @@ class SensorBudget:
         return self._raised_without(range(len(self.errors))) < ALPHA
 
     @cached_property
-    def explaining(self) -> tuple[Misreading, ...]:
-        """The channels whose errors are enough; the alternatives, if each of several is enough alone."""
+    def explaining(self) -> tuple[Misreading | WrongClock, ...]:
+        """Those whose errors are enough; the alternatives, if each of several is enough alone."""
         alone = [one for one in self.misreadings if self._raised_without(self._others(one)) >= ALPHA]
         if alone:
             return tuple(alone)
@@ -136,19 +232,11 @@ class SensorBudget:
 
     @cached_property
     def recalibration(self) -> tuple[str, ...]:
-        """For each channel of `explaining`, the calibration that would decide between it and the model."""
-        texts = []
-        for one in self.explaining:
-            share = self._deciding_share(one)
-            if share:
-                better = show(share * one.stated, one.unit, difference=True, digits=1)
-                texts.append(
-                    f"recalibrate {one.channel} to ±{better}: if its error is as small, something is "
-                    "missing in the model; if not, it was the sensor"
-                )
-        return tuple(texts)
+        """For each of `explaining`, what would decide between it and the model."""
+        shares = [(one, self._deciding_share(one)) for one in self.explaining]
+        return tuple(one.remedy(share) for one, share in shares if share)
 
-    def _deciding_share(self, misreading: Misreading) -> float:
+    def _deciding_share(self, misreading: Misreading | WrongClock) -> float:
         """The largest share of its stated uncertainty at which a right sensor leaves a misfit; 0 if none."""
         free = np.flatnonzero(np.diag(self.covariance) > 0.0)  # a part at its bound has none
         prior = np.array([self.errors[k].std for k in free])
@@ -168,19 +256,11 @@ class SensorBudget:
                 return share
         return 0.0
 
-    def _of(self, misreading: Misreading) -> list[int]:
-        return [
-            k
-            for k, one in enumerate(self.errors)
-            if (one.channel, one.number) == (misreading.channel, misreading.number)
-        ]
+    def _of(self, misreading: Misreading | WrongClock) -> list[int]:
+        return [k for k, one in enumerate(self.errors) if one.of == misreading.of]
 
-    def _others(self, misreading: Misreading) -> list[int]:
-        return [
-            k
-            for k, one in enumerate(self.errors)
-            if (one.channel, one.number) != (misreading.channel, misreading.number)
-        ]
+    def _others(self, misreading: Misreading | WrongClock) -> list[int]:
+        return [k for k, one in enumerate(self.errors) if one.of != misreading.of]
 
     def _raised_without(self, indices: Sequence[int]) -> float:
         """The probability that chance raises χ² as much if these parts are held at zero."""
@@ -193,8 +273,17 @@ class SensorBudget:
         return chi2_tail(float(scaled @ inverse @ scaled), len(at))
 
 
+def documents(budget: SensorBudget | None) -> dict[str, list[dict[str, Any]]]:
+    """The errors of calibrations and of clocks in machine-readable form."""
+    found = () if budget is None else budget.misreadings
+    return {
+        "sensors": [one.document() for one in found if isinstance(one, Misreading)],
+        "clocks": [one.document() for one in found if isinstance(one, WrongClock)],
+    }
+
+
 def sensor_budget(fit: FitResult) -> SensorBudget | None:
-    """The errors of the calibrations in a fit; None if the rig file states no uncertainty of any."""
+    """The errors of calibrations and clocks in a fit; None if the rig file states no uncertainty of any."""
     errors = fit.problem.measurements.reading_errors
     solution = fit.solution
     if not errors or solution is None:
@@ -207,36 +296,44 @@ def sensor_budget(fit: FitResult) -> SensorBudget | None:
     values = dict(zip((one.name for one in fit.problem.shared), fit.values, strict=True))
     estimate = np.array([float(values[one.name]) for one in free])
     covariance = solution.covariance[np.ix_(at, at)]
-    read = {one.channel for one in free if _readings(fit, one.channel).size}
-    calibrations = dict.fromkeys((one.channel, one.number) for one in free if one.channel in read)
-    return SensorBudget(
-        tuple(free),
-        estimate,
-        covariance,
-        tuple(_misreading(fit, free, estimate, covariance, *one) for one in calibrations),
-    )
+    found: list[Misreading | WrongClock] = []
+    for of in dict.fromkeys(one.of for one in free):
+        parts = [k for k, one in enumerate(free) if one.of == of]
+        some, size, spread = [free[k] for k in parts], estimate[parts], covariance[np.ix_(parts, parts)]
+        calibrated = [one for one in some if isinstance(one, CalibrationError)]
+        if not calibrated:
+            found += [_wrong_clock(one, size, spread) for one in some if isinstance(one, ClockError)]
+        elif _readings(fit, calibrated[0].channel).size:
+            found.append(_misreading(fit, calibrated, size, spread))
+    return SensorBudget(tuple(free), estimate, covariance, tuple(found))
+
+
+def _beyond(error: float, stated: float, std: float) -> bool:
+    return abs(error) > max(_BEYOND * stated, stated + std)
+
+
+def _wrong_clock(clock: ClockError, estimate: Floats, covariance: Floats) -> WrongClock:
+    error, std = float(estimate[0]), math.sqrt(max(0.0, float(covariance[0, 0])))
+    beyond = _beyond(error, clock.stated, std)
+    return WrongClock(clock.clock, clock.channels, error, std, clock.stated, beyond, clock.number)
 
 
 def _misreading(
-    fit: FitResult,
-    errors: Sequence[ReadingError],
-    estimate: Floats,
-    covariance: Floats,
-    channel: str,
-    number: int,
+    fit: FitResult, errors: Sequence[CalibrationError], estimate: Floats, covariance: Floats
 ) -> Misreading:
-    at = [k for k, one in enumerate(errors) if (one.channel, one.number) == (channel, number)]
+    """Of one calibration: its parts, their estimates and their covariance."""
+    channel, number = errors[0].channel, errors[0].number
     readings = _readings(fit, channel)
-    shapes = np.stack([errors[k].basis(readings) for k in at])
-    curve = estimate[at] @ shapes
+    shapes = np.stack([one.basis(readings) for one in errors])
+    curve = estimate @ shapes
     worst = int(np.argmax(np.abs(curve)))
     shape = shapes[:, worst]
-    prior = np.array([errors[k].std for k in at])
-    std = math.sqrt(max(0.0, float(shape @ covariance[np.ix_(at, at)] @ shape)))
+    prior = np.array([one.std for one in errors])
+    std = math.sqrt(max(0.0, float(shape @ covariance @ shape)))
     # parts may come from one number, as zero and gain from a relative gain: at most they add up
-    stated = errors[at[0]].whole or 2.0 * float(np.abs(shape) @ prior)
+    stated = errors[0].whole or 2.0 * float(np.abs(shape) @ prior)
     error, value = float(curve[worst]), float(readings[worst])
-    beyond = abs(error) > max(_BEYOND * stated, stated + std)
+    beyond = _beyond(error, stated, std)
     rig = fit.problem.measurements.rig
     assert rig is not None  # noqa: S101 - calibrations are those of a rig file
     sensor = rig.channels[channel]

@@ -1,4 +1,4 @@
-"""What makes a fitted number uncertain: the noise of the readings, each calibration, each assumed number.
+"""What makes a fitted number uncertain: noise of the readings, calibrations, clocks, assumed numbers.
 
 With J the derivatives of the whitened residuals and P the variances of the independent priors, the
 covariance of all unknowns is ``C = (JᵀJ + P⁻¹)⁻¹``, and ``C = C·JᵀJ·C + C·P⁻¹·C``: the first term is what
@@ -54,7 +54,7 @@ def uncertainty_budgets(fit: FitResult) -> tuple[UncertaintyBudget, ...]:
     solution = fit.solution
     if solution is None:
         return ()
-    calibrations = {one.name: one.channel for one in fit.problem.measurements.reading_errors}
+    reading = {one.name: one.source for one in fit.problem.measurements.reading_errors}
     assumed, lost, result = fit.problem.model.assumed, fit.undetermined, []
     for row, unknown in enumerate(solution.unknowns):
         variance = float(solution.covariance[row, row])
@@ -66,10 +66,8 @@ def uncertainty_budgets(fit: FitResult) -> tuple[UncertaintyBudget, ...]:
         for column, other in enumerate(solution.unknowns):
             if other.prior is None:
                 continue
-            source = other.name
-            if source in calibrations:
-                source = f"calibration of {calibrations[source]}"
-            elif source in assumed:
+            source = reading.get(other.name, other.name)
+            if source in assumed:
                 source = f"{source} (assumed)"
             part = (float(solution.covariance[row, column]) / other.prior.std) ** 2 / variance
             shares[source] = shares.get(source, 0.0) + part

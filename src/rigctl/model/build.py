@@ -11,7 +11,7 @@ from rigctl.effects.registry import find_effect, library
 from rigctl.engine.symbols import Expr, Scalar
 from rigctl.engine.system import System, SystemBuilder, after, before
 from rigctl.errors import RigctlError
-from rigctl.model.reading_errors import ReadingError, true_input
+from rigctl.model.reading_errors import CalibrationError, true_input
 from rigctl.model.values import choices, parameter_values
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
@@ -32,7 +32,7 @@ def build_system(
     oil: str | None = None,
     own_effects: Iterable[Effect] = (),
     unrecorded: Collection[str] = (),
-    read_wrong: Sequence[ReadingError] = (),
+    read_wrong: Sequence[CalibrationError] = (),
 ) -> System:
     """The equations of `family` with `effects`, for the channels and dimensions of `rig`.
 

@@ -1,4 +1,4 @@
-"""How wrong the calibration of each channel may be, as unknowns that all records under it have in common.
+"""How wrong calibrations and clocks may be, as unknowns that all records under them have in common.
 
 A calibration is a measurement, and uncertain as a whole: each reading of a channel is
 ``r = y + Σ_k c_k·b_k(y)``, y the true value, with
@@ -10,14 +10,19 @@ A calibration is a measurement, and uncertain as a whole: each reading of a chan
 `middle` and `half` are those of the channel's readings in all records, so that each c_k is an error in the
 unit of the channel, the largest that its part makes. Every c_k has the prior N(0, std): the rig file states
 95 %, two standard deviations. Noise averages out over readings; these do not, whatever their number.
+
+A clock that is behind by τ gives a reading at t + τ the time t: ``r(t) = y(t + τ)`` for every channel that it
+dates, with the prior N(0, std) too.
 Source: JCGM 100:2008 (GUM), 3.2 and F.2.4.5, systematic effects of a calibration.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,20 +33,104 @@ from rigctl.engine.symbols import Scalar, constant_like
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.si_unit import si_unit
 from rigctl.rig.channel import Channel
+from rigctl.rig.clock import Clock
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 
-#: the effect whose parameters are the errors of all calibrations
-CALIBRATION = "calibration"
-#: an error of a calibration is no larger than this many standard deviations of its prior, twice what is
+#: the effects whose parameters are the errors of all calibrations, and the offsets of all clocks
+CALIBRATION, CLOCK = "calibration", "clock"
+#: an error is no larger than this many standard deviations of its prior, twice what is
 #: stated: a wrong model would otherwise have its sensors wrong by more than anybody could overlook
 _FAR = 4.0
 #: a calibration's error changes by what is stated over no less than this share of the channel's range
 _LEAST_SPAN = 0.1
 
 
+class _CommonError(ABC):
+    """One unknown of a calibration or a clock, common to all records under it.
+
+    Attributes
+    ----------
+    std: of its prior, SI.
+    unit: of the unknown, SI.
+    runs: those recorded under this calibration or clock; empty for all.
+    latest: it is the last one, under which further records would be made.
+    """
+
+    std: float
+    unit: str
+    runs: tuple[str, ...]
+    latest: bool
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Its name as an unknown: that of an effect, and of a parameter of it."""
+
+    @property
+    @abstractmethod
+    def of(self) -> tuple[str, str, int]:
+        """What is wrong: `CALIBRATION` and a channel, or `CLOCK` and its name; and its number, from 1."""
+
+    @property
+    def source(self) -> str:
+        """What is wrong, in words, whatever its number."""
+        kind, name, _ = self.of
+        return f"calibration of {name}" if kind == CALIBRATION else f"clock {name}"
+
+    @property
+    def unknown(self) -> Unknown:
+        """The unknown, with its prior."""
+        reach = _FAR * self.std
+        return Unknown(
+            self.name, 0.0, -reach, reach, scale=self.std, prior=Prior(0.0, self.std), unit=self.unit
+        )
+
+    def acts_in(self, run: str) -> bool:
+        """Whether the records of a run were made under it; "" for records still to be made."""
+        return not self.runs or run in self.runs or (not run and self.latest)
+
+
 @dataclass(frozen=True)
-class ReadingError:
+class ClockError(_CommonError):
+    """The offset τ of one clock, s: its readings were taken at t + τ, later than they say if it is behind.
+
+    Attributes
+    ----------
+    clock: its name.
+    channels: that it dates, of those that the records have.
+    number: from 1, where the rig file has changed what it says of the clock.
+    known: the rig file says that it may be off.
+    """
+
+    clock: str
+    channels: tuple[str, ...]
+    std: float
+    unit: str = "s"
+    runs: tuple[str, ...] = ()
+    number: int = 1
+    latest: bool = True
+    known: Literal[True] = True
+
+    @property
+    def name(self) -> str:
+        """Its name as an unknown."""
+        return qualified(CLOCK, self.clock + _numbered(self.number))
+
+    @property
+    def of(self) -> tuple[str, str, int]:
+        """`CLOCK`, its name and its number."""
+        return CLOCK, self.clock, self.number
+
+    @property
+    def stated(self) -> float:
+        """What the rig file states, 95 %, s."""
+        return 2.0 * self.std
+
+
+@dataclass(frozen=True)
+class CalibrationError(_CommonError):
     """One part of the error of one calibration.
 
     Attributes
@@ -50,10 +139,7 @@ class ReadingError:
     part: "zero", "gain" or "linearity".
     std: of its prior, in the channel's SI unit.
     middle, half: see the module.
-    unit: SI unit of the channel.
-    runs: those recorded under this calibration; empty for all.
     number: of the calibration, from 1, where a channel has more than one.
-    latest: it is the last one, under which further records would be made.
     whole: the uncertainty of a reading, 95 %, SI, if the rig file states no part of it; else 0.
     known: the rig file says that this part may be wrong; else only that the calibration may be.
     """
@@ -71,26 +157,14 @@ class ReadingError:
     known: bool = True
 
     @property
-    def parameter(self) -> str:
-        """Its name as a parameter of the effect `CALIBRATION`."""
-        return f"{self.channel}_{self.part}" + (f"_{self.number}" if self.number > 1 else "")
-
-    @property
     def name(self) -> str:
         """Its name as an unknown."""
-        return qualified(CALIBRATION, self.parameter)
+        return qualified(CALIBRATION, f"{self.channel}_{self.part}" + _numbered(self.number))
 
     @property
-    def unknown(self) -> Unknown:
-        """The unknown, with its prior."""
-        reach = _FAR * self.std
-        return Unknown(
-            self.name, 0.0, -reach, reach, scale=self.std, prior=Prior(0.0, self.std), unit=self.unit
-        )
-
-    def acts_in(self, run: str) -> bool:
-        """Whether the records of a run were made under this calibration; "" for records still to be made."""
-        return not self.runs or run in self.runs or (not run and self.latest)
+    def of(self) -> tuple[str, str, int]:
+        """`CALIBRATION`, its channel and its number."""
+        return CALIBRATION, self.channel, self.number
 
     def basis(self, value: Floats) -> Floats:
         """b(y): the error of a reading of `value`, per unit of the unknown."""
@@ -115,9 +189,12 @@ class ReadingError:
         return 3.0 * (value - self.middle) / self.half**2
 
 
-def reading_errors(
+ReadingError: TypeAlias = CalibrationError | ClockError
+
+
+def calibration_errors(
     channels: Mapping[str, Mapping[str, Channel]], readings: Mapping[str, Floats], *, rows: bool = False
-) -> tuple[ReadingError, ...]:
+) -> tuple[CalibrationError, ...]:
     """The errors of the calibrations of these channels, as far as their uncertainty is stated.
 
     Parameters
@@ -127,7 +204,7 @@ def reading_errors(
     rows: the readings are single values of a table, of which many are differences: an error of the zero
         cancels, and gain and curvature count from zero.
     """
-    errors: list[ReadingError] = []
+    errors: list[CalibrationError] = []
     for name, values in readings.items():
         good = values[np.isfinite(values)]
         calibrations = _calibrations(name, channels) if good.size else []
@@ -136,7 +213,7 @@ def reading_errors(
             last = number == len(calibrations)
             known = channel.calibration.known_parts
             errors += [
-                ReadingError(
+                CalibrationError(
                     name,
                     part,
                     0.5 * size,
@@ -172,47 +249,99 @@ def _calibrations(
     name: str, channels: Mapping[str, Mapping[str, Channel]]
 ) -> list[tuple[Channel, tuple[str, ...]]]:
     """The states of a channel's calibration, each with its runs; without names if it was never changed."""
-    known: list[tuple[Channel, list[str]]] = []
-    for run, of_run in channels.items():
-        channel = of_run.get(name)
-        if channel is None:
-            continue
-        same = (
-            runs
-            for one, runs in known
-            if (one.calibration, one.range) == (channel.calibration, channel.range)
-        )
-        runs = next(same, None)
+    states = _states({run: of_run[name] for run, of_run in channels.items() if name in of_run}, _calibrated)
+    return [(channel, runs if len(states) > 1 else ()) for channel, runs in states]
+
+
+def _calibrated(channel: Channel) -> object:
+    return channel.calibration, channel.range
+
+
+def clock_errors(
+    clocks: Mapping[str, Mapping[str, Clock]], channels: Collection[str]
+) -> tuple[ClockError, ...]:
+    """The offsets of the clocks that date some of these channels.
+
+    Parameters
+    ----------
+    clocks: of each run, as they were when it was recorded, in the order of the runs.
+    """
+    errors = []
+    for name in dict.fromkeys(name for of_run in clocks.values() for name in of_run):
+        states = _states({run: of_run[name] for run, of_run in clocks.items() if name in of_run}, _itself)
+        everywhere = len(states) == 1 and len(states[0][1]) == len(clocks)
+        for number, (clock, runs) in enumerate(states, 1):
+            dated = tuple(one for one in clock.channels if one in channels)
+            if dated:
+                errors.append(
+                    ClockError(
+                        name,
+                        dated,
+                        0.5 * clock.uncertainty,
+                        runs=() if everywhere else runs,
+                        number=number,
+                        latest=number == len(states) and name in list(clocks.values())[-1],
+                    )
+                )
+    return tuple(errors)
+
+
+def _itself(clock: Clock) -> object:
+    return clock
+
+
+def _states(of_runs: Mapping[str, T], key: Callable[[T], object]) -> list[tuple[T, tuple[str, ...]]]:
+    """What differs by `key`, each with its runs, in their order."""
+    known: list[tuple[T, list[str]]] = []
+    for run, one in of_runs.items():
+        runs = next((runs for other, runs in known if key(other) == key(one)), None)
         if runs is None:
-            known.append((channel, [run]))
+            known.append((one, [run]))
         else:
             runs.append(run)
-    return [(channel, tuple(runs) if len(known) > 1 else ()) for channel, runs in known]
+    return [(one, tuple(runs)) for one, runs in known]
 
 
-def calibration_effect(family: ModelFamily, errors: Sequence[ReadingError]) -> Effect:
-    """The errors as parameters of a system; those of outputs act on its readings, not in its equations.
+def error_effects(family: ModelFamily, errors: Sequence[ReadingError]) -> tuple[Effect, ...]:
+    """The errors as parameters of a system: those of calibrations, and those of clocks.
 
-    Their sizes are those of the unknowns: a system is the same for all runs with errors of these names, and
-    compiled once.
+    Only those of inputs' calibrations are in its equations. Their sizes are those of the unknowns: a system
+    is the same for all runs with errors of these names, and compiled once.
     """
-    return Effect(
-        name=CALIBRATION,
-        family=family.name,
-        summary="Errors of calibrations.",
-        equation="r = y + Σ_k c_k·b_k(y)",
-        source="JCGM 100:2008 (GUM)",
-        looks_like="A channel reads too high or too low, in all records alike.",
-        parameters=tuple(
-            EffectParameter(one.parameter, one.unit, 0.0, 1.0, -math.inf, math.inf,
-                            f"error of the {one.part} of {one.channel}", difference=True)
-            for one in errors
-        ),
-        own_family=family,
+    effects = (
+        (CALIBRATION, "Errors of calibrations.", "r = y + Σ_k c_k·b_k(y)",
+         "A channel reads too high or too low, in all records alike."),
+        (CLOCK, "Offsets of clocks.", "r(t) = y(t + τ)",
+         "Some channels are late, or early, by the same in all records."),
+    )  # fmt: skip
+    return tuple(
+        Effect(
+            name=name,
+            family=family.name,
+            summary=summary,
+            equation=equation,
+            source="JCGM 100:2008 (GUM)",
+            looks_like=looks_like,
+            parameters=tuple(
+                EffectParameter(
+                    one.name.partition(".")[2], one.unit, 0.0, 1.0, -math.inf, math.inf,
+                    f"error of the {one.source}", difference=True,
+                )
+                for one in errors
+                if one.of[0] == name
+            ),
+            own_family=family,
+        )
+        for name, summary, equation, looks_like in effects
+        if any(one.of[0] == name for one in errors)
     )  # fmt: skip
 
 
-def true_input(value: Scalar, errors: Sequence[ReadingError], known: Mapping[str, Scalar]) -> Scalar:
+def _numbered(number: int) -> str:
+    return f"_{number}" if number > 1 else ""
+
+
+def true_input(value: Scalar, errors: Sequence[CalibrationError], known: Mapping[str, Scalar]) -> Scalar:
     """The true value of an input of which `value` was read, to first order in the errors."""
     for one in errors:
         value = value - known[one.name] * one.symbolic(value)

@@ -33,6 +33,7 @@ def problems(rig: Rig) -> Iterator[Problem]:
     yield from _names(rig)
     for name, channel in rig.channels.items():
         yield from _channel(("channels", name), channel)
+    yield from _clocks(rig)
     yield from _could_have(rig)
     yield from _actuators(rig)
     yield from _roles(rig)
@@ -187,6 +188,29 @@ def _noise(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
                 "noise: no reading is without noise", value=amount.text, expected="more than 0, or no entry"
             )
             yield Problem(where, error)
+
+
+def _clocks(rig: Rig) -> Iterator[Problem]:
+    """Check that each clock dates channels, and each channel has one clock at most."""
+    dated: dict[str, str] = {}
+    for name, clock in rig.clocks.items():
+        for index, channel in enumerate(clock.channels):
+            keys = ("clocks", name, "channels", index)
+            if channel in rig.actuators:
+                error = RigctlError(
+                    "a command has no clock of its own: offsets count against the times of the commands",
+                    value=channel,
+                    expected="channels",
+                )
+                yield Problem(keys, error)
+            elif channel in dated:
+                twice = "named twice" if dated[channel] == name else f"dated by '{dated[channel]}' already"
+                yield Problem(
+                    keys, RigctlError(f"the channel is {twice}", value=channel, expected="one clock")
+                )
+            else:
+                yield from _known(rig.channels, "channel", channel, keys)
+            dated.setdefault(channel, name)
 
 
 def _could_have(rig: Rig) -> Iterator[Problem]:

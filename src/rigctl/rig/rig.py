@@ -20,6 +20,7 @@ from rigctl.notebook import one_line
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
 from rigctl.rig.channel import Channel
+from rigctl.rig.clock import Clock
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Lines
@@ -77,6 +78,10 @@ class Rig(Part):
         "written by its --save-mapping, relative to the project",
     )
     channels: dict[Name, Channel] = Field(min_length=1, description="the measured quantities")
+    clocks: dict[Name, Clock] = Field(
+        default_factory=dict,
+        description="clocks of devices or loggers that may be off against the commands'",
+    )
     could_have: dict[Name, PossibleChannel] = Field(
         default_factory=dict, description="sensors that could be added"
     )

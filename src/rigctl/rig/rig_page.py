@@ -13,6 +13,7 @@ from rigctl.files.schema import json_schema
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.calibration import Calibration, Raw
 from rigctl.rig.channel import Channel
+from rigctl.rig.clock import Clock
 from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.modbus import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
@@ -73,6 +74,7 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("channels.NAME", Channel, ""),
     ("channels.NAME.raw", Raw, ""),
     ("channels.NAME.calibration", Calibration, ""),
+    ("clocks.NAME", Clock, ""),
     ("could_have.NAME", PossibleChannel, ""),
     ("actuators.NAME", Actuator, ""),
     ("roles", Roles, ""),

@@ -288,9 +288,11 @@ def _tell_sensor_from_effect(diagnosis: Diagnosis, design: str, page: str) -> No
     sensors, rig = diagnosis.before.sensors, diagnosis.before.fit.problem.measurements.rig
     if diagnosis.instead_of_sensors:
         show_next(f"{design} -o next.yaml", "designs the records that would tell an effect from a sensor")
-    elif diagnosis.before.adequacy.only_misread and sensors is not None and rig is not None:
+    elif (
+        diagnosis.before.adequacy.only_misread and sensors is not None and sensors.misread and rig is not None
+    ):
         of_rig = ["--rig", rig.path.as_posix()] if rig.path else []
-        show_next(command(["calibrate", sensors.beyond[0].channel, *of_rig]), "calibrates the sensor again")
+        show_next(command(["calibrate", sensors.misread[0].channel, *of_rig]), "calibrates the sensor again")
     else:
         show_next(page, "writes a page; a better calibration would tell the sensor from the model")
 

@@ -18,8 +18,10 @@ from rigctl.engine.least_squares import Block, Refused, Unknown
 from rigctl.engine.simulate import simulate
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.system import System
+from rigctl.engine.tolerance import TIGHT
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system, superset
+from rigctl.model.fit.clocks import STEP, ReadTimes, as_dated, moved_ramps, read_times
 from rigctl.model.fit.readings import as_read
 from rigctl.model.fit.recent import ROOM, Evaluated, Recent, point_of
 from rigctl.model.fit.settings import level_of_rows
@@ -40,10 +42,11 @@ from rigctl.model.fit.unknowns import (
     start_values,
     unrecorded_unknowns,
 )
+from rigctl.model.measured.clocks import clocks_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
 from rigctl.model.plant import initial_state
-from rigctl.model.reading_errors import ReadingError, calibration_effect
+from rigctl.model.reading_errors import CalibrationError, ClockError, ReadingError, error_effects
 from rigctl.noise.noise_model import NoiseModel
 from rigctl.noise.whitening import Whitener, whiten
 from rigctl.physics.family import ModelFamily
@@ -308,7 +311,7 @@ class Problem:
         """The model's outputs, with derivatives by `columns`, by the shapes of terms and, if requested, by
         the initial states."""
         moving = tuple(name for name in columns if moves_switches(name))
-        read = {one.name for one in self._reading_errors}
+        read = {one.name for one in (*self._calibrations, *self._clocks)}
         plain = tuple(name for name in columns if not moves_switches(name) and name not in read)
         excitations = [self.excitation(index, shared, values, moving) for index, values in enumerate(local)]
         starts = self.initial_names if initial else ()
@@ -317,38 +320,105 @@ class Problem:
             recorded = [simulated.columns.index(name) for name in self._recorded(record) if name in plain]
             if recorded:
                 simulated.sensitivities[index][:, :, recorded] = 0.0
-        runs = [record.run for record in self.records]
-        return self._as_read(simulated, runs, [shared] * len(runs), columns)
+        every = range(len(self.records))
+        return self._as_read(simulated, every, excitations, [shared] * len(every), local, columns)
 
     def at_draws(self, index: int, draws: Floats, local: Floats) -> Trajectories:
         """The outputs of one record at each draw of the common unknowns (draws, p), all at once."""
-        simulated = simulate(self.compiled, [self.excitation(index, one, local) for one in draws])
-        return self._as_read(simulated, [self.records[index].run] * len(draws), list(draws))
+        excitations = [self.excitation(index, one, local) for one in draws]
+        simulated = simulate(self.compiled, excitations)
+        count = len(draws)
+        return self._as_read(simulated, [index] * count, excitations, list(draws), [local] * count)
 
     def _as_read(
         self,
         simulated: Trajectories,
-        runs: Sequence[str],
+        indices: Sequence[int],
+        excitations: Sequence[Excitation],
         shared: Sequence[Floats],
+        local: Sequence[Floats],
         columns: Sequence[str] = (),
     ) -> Trajectories:
-        """Each trajectory as sensors with these errors of their calibrations read it; `shared` of each.
+        """Each trajectory as sensors with these errors of their calibrations and clocks read it.
 
         They act on outputs alone, so that neither they nor their derivatives need be integrated.
+
+        Parameters
+        ----------
+        indices, excitations, shared, local: the record of each trajectory, and its unknowns.
         """
-        if not self._reading_errors:
+        if self._clocks:
+            simulated = self._as_dated(simulated, indices, excitations, shared, local, columns)
+        if not self._calibrations:
             return simulated
-        fixed = {one.name: float(self.base[self._index[one.name]]) for one in self._reading_errors}
+        fixed = {one.name: float(self.base[self._index[one.name]]) for one in self._calibrations}
         names = [unknown.name for unknown in self.shared]
         values = [fixed | dict(zip(names, one.tolist(), strict=True)) for one in shared]
-        return as_read(simulated, runs, self._reading_errors, values, columns)
+        runs = [self.records[index].run for index in indices]
+        return as_read(simulated, runs, self._calibrations, values, columns)
+
+    def _as_dated(
+        self,
+        simulated: Trajectories,
+        indices: Sequence[int],
+        excitations: Sequence[Excitation],
+        shared: Sequence[Floats],
+        local: Sequence[Floats],
+        columns: Sequence[str],
+    ) -> Trajectories:
+        """Each trajectory at the times at which its readings were taken."""
+
+        def difference(k: int, clock: ClockError) -> Floats:
+            step = STEP * clock.std
+            ends = [
+                self.excitation(indices[k], shared[k], local[k], moved={clock.name: by})
+                for by in (step, -step)
+            ]
+            outputs = simulate(self.compiled, ends, tolerance=TIGHT).require().outputs
+            late, early = (
+                self._read_times(indices[k], end.parameters).of(each)
+                for end, each in zip(ends, outputs, strict=True)
+            )
+            return np.asarray((late - early) / (2.0 * step))
+
+        return as_dated(
+            simulated,
+            [self.records[index] for index in indices],
+            [
+                self._read_times(index, one.parameters)
+                for index, one in zip(indices, excitations, strict=True)
+            ],
+            [one for one in self._clocks if one.name in columns],
+            difference,
+        )
 
     @cached_property
-    def _reading_errors(self) -> tuple[ReadingError, ...]:
+    def _calibrations(self) -> tuple[CalibrationError, ...]:
         """The errors of the calibrations of outputs; those of inputs are in the equations."""
         return tuple(
-            one for one in self.measurements.reading_errors if one.channel in self.measurements.outputs
+            one
+            for one in self.measurements.reading_errors
+            if isinstance(one, CalibrationError) and one.channel in self.measurements.outputs
         )
+
+    @cached_property
+    def _clocks(self) -> tuple[ClockError, ...]:
+        """The clocks that may be off."""
+        return tuple(clocks_of(self.measurements))
+
+    def _offsets(self, record: MeasuredRecord, parameters: Floats) -> dict[str, float]:
+        """By how much the clock of each channel is behind in a record, s; a row has no time."""
+        return {
+            channel: float(parameters[self._index[one.name]])
+            for one in self._clocks
+            if one.acts_in(record.run) and not record.row
+            for channel in one.channels
+        }
+
+    def _read_times(self, index: int, parameters: Floats) -> ReadTimes:
+        """When the outputs of a record were read."""
+        record = self.records[index]
+        return read_times(record, self.compiled.system.output_names, self._offsets(record, parameters))
 
     def parts(self, columns: int) -> list[list[int]]:
         """The records, in order, in parts whose derivatives by this many columns fit into memory."""
@@ -433,10 +503,21 @@ class Problem:
         return np.take(array, self.channels, axis=1)
 
     def excitation(
-        self, index: int, shared: Floats, values: Floats, moving: Sequence[str] = ()
+        self,
+        index: int,
+        shared: Floats,
+        values: Floats,
+        moving: Sequence[str] = (),
+        *,
+        moved: Mapping[str, float] | None = None,
     ) -> Excitation:
-        """The record as an excitation for the engine; `moving` are the unknowns whose time shifts are
-        needed."""
+        """The record as an excitation for the engine.
+
+        Parameters
+        ----------
+        moving: the unknowns whose time shifts are needed.
+        moved: what is added to parameters.
+        """
         record, system = self.records[index], self.compiled.system
         parameters, start = self.base.copy(), self.starts[index].copy()
         switching: dict[str, float] = {}
@@ -444,6 +525,8 @@ class Problem:
             parameters[self._index[unknown.name]] = value
         for name in self._recorded(record):
             parameters[self._index[name]] = 0.0  # the value is among the inputs
+        for name, by in (moved or {}).items():
+            parameters[self._index[name]] += by
         for one, value in zip(self.local[index], values, strict=True):
             if one.kind == "start":
                 start[system.state_names.index(one.name)] = value
@@ -454,16 +537,18 @@ class Problem:
         habits = {name: float(parameters[self._index[name]]) for name in HABITS}
         times = moved_times(record, switching | {name: value for name, value in habits.items() if value})
         shifts = switch_shifts(record, moving) if moving else None
-        return Excitation(
-            record.times, times, record.inputs, start, parameters, record.label, shifts, record.ramps
-        )
+        sampled, ramps = record.times, record.ramps
+        if self._clocks:
+            ramps = moved_ramps(record, self.measurements.inputs, self._offsets(record, parameters))
+            sampled = self._read_times(index, parameters).every
+        return Excitation(sampled, times, record.inputs, start, parameters, record.label, shifts, ramps)
 
     def _recorded(self, record: MeasuredRecord) -> list[str]:
         """The parameters of inputs that do not act in this record, fitted or not.
 
         Those of inputs that some records lack and this one has, and of other calibrations of a measured one.
         """
-        of_inputs = set(self.measurements.reading_errors) - set(self._reading_errors)
+        of_inputs = set(self.measurements.reading_errors) - {*self._calibrations, *self._clocks}
         return [
             *(qualified(RECORD, name) for name in self.level.inputs if name not in record.unrecorded),
             *(one.name for one in of_inputs if not one.acts_in(record.run)),
@@ -550,11 +635,7 @@ def make_problem(
             *habit_unknowns(measurements),
             *settings,
             *unrecorded_unknowns(measurements),
-            # those of inputs are in the equations, and the readings not linear in them
-            *(
-                replace(one.unknown, linear=one.channel in measurements.outputs)
-                for one in measurements.reading_errors
-            ),
+            *(replace(one.unknown, linear=_linear(one, measurements)) for one in measurements.reading_errors),
         ),
         local=tuple(
             local_unknowns(level, record, measurements, start)
@@ -567,6 +648,12 @@ def make_problem(
     )
 
 
+def _linear(error: ReadingError, measurements: Measurements) -> bool:
+    """Whether readings are linear in an error: in one of a clock, or of an input, which is in the equations,
+    they are not."""
+    return isinstance(error, CalibrationError) and error.channel in measurements.outputs
+
+
 #: a family, effects, bench, parameters, oil, own effects, unrecorded inputs, errors of inputs' calibrations
 _Definition = tuple[
     ModelFamily,
@@ -576,7 +663,7 @@ _Definition = tuple[
     str | None,
     tuple[Effect, ...],
     tuple[str, ...],
-    tuple[ReadingError, ...],
+    tuple[CalibrationError, ...],
 ]
 
 
@@ -592,8 +679,9 @@ def _definition(
     `effects` are those of the model with their parameters, `further` others, each at its null.
     """
     read_wrong = measurements.reading_errors
-    uncertain = (() if level.effect is None else (level.effect,)) + (
-        (calibration_effect(model.family, read_wrong),) if read_wrong else ()
+    uncertain = (
+        *(() if level.effect is None else (level.effect,)),
+        *error_effects(model.family, read_wrong),
     )
     return (
         model.family,
@@ -603,7 +691,11 @@ def _definition(
         model.oil,
         (*model.own_effects, *uncertain, *further),
         tuple(measurements.unrecorded),
-        tuple(one for one in read_wrong if one.channel in measurements.inputs),
+        tuple(
+            one
+            for one in read_wrong
+            if isinstance(one, CalibrationError) and one.channel in measurements.inputs
+        ),
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.fit.slopes import OfEachRecord
-from rigctl.model.reading_errors import ReadingError
+from rigctl.model.reading_errors import CalibrationError
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 def as_read(
     simulated: Trajectories,
     runs: Sequence[str],
-    errors: Sequence[ReadingError],
+    errors: Sequence[CalibrationError],
     values: Sequence[Mapping[str, float]],
     columns: Sequence[str],
 ) -> Trajectories:
@@ -60,9 +60,9 @@ class _ReadDerivatives(OfEachRecord):
         self,
         simulated: Trajectories,
         runs: Sequence[str],
-        errors: Sequence[ReadingError],
+        errors: Sequence[CalibrationError],
         values: Sequence[Mapping[str, float]],
-        added: Sequence[ReadingError],
+        added: Sequence[CalibrationError],
     ) -> None:
         self._simulated, self._runs, self._errors = simulated, runs, errors
         self._values, self._added = values, added

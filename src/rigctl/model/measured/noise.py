@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.result_cache import cached
+from rigctl.model.measured.clocks import clocks_of, far_from_ends
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.table import column, curve_variable, curves, set_variable
 from rigctl.noise import (
@@ -87,7 +88,11 @@ def noise_of(measurements: Measurements) -> DataNoise:
     records = [replace(record, run="", index=0, label="") for record in measurements.records]
     names = (measurements.outputs, measurements.units, measurements.inputs)
     by_rig = (_known(measurements), set_variable(measurements))
-    return cached("noise", (names, records, by_rig), DataNoise, lambda: _noise_of(measurements))
+    noise = cached("noise", (names, records, by_rig), DataNoise, lambda: _noise_of(measurements))
+    if not clocks_of(measurements):
+        return noise
+    inside = far_from_ends(measurements)
+    return replace(noise, ok=tuple(good & mask for good, mask in zip(noise.ok, inside, strict=True)))
 
 
 def _noise_of(measurements: Measurements) -> DataNoise:

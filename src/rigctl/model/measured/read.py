@@ -11,6 +11,7 @@ from rigctl.dataset.run import Record, Run
 from rigctl.errors import RigctlError
 from rigctl.model.inputs import InputSource, input_sources
 from rigctl.model.measured.assumed import assumed_notes, assumed_of
+from rigctl.model.measured.clocks import clock_notes, require_long_records
 from rigctl.model.measured.conditions import with_conditions
 from rigctl.model.measured.excitation import (
     Acting,
@@ -29,7 +30,7 @@ from rigctl.model.measured.rigs import recorded_rigs, rig_of
 from rigctl.model.measured.stuck import without_stuck_readings
 from rigctl.model.measured.table import as_table
 from rigctl.model.model import Model
-from rigctl.model.reading_errors import ReadingError, reading_errors
+from rigctl.model.reading_errors import ReadingError, calibration_errors, clock_errors
 from rigctl.rig.rig import Rig
 from rigctl.units import show
 
@@ -99,17 +100,19 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     )
     table = as_table(measured, runs, titles(model.family.name))
     errors = _reading_errors(table, runs, recorded_rigs(model, runs))
-    return replace(
+    uncertain = replace(
         table,
         reading_errors=tuple(one for one in errors if one.known),
         possible_errors=tuple(one for one in errors if not one.known),
     )
+    require_long_records(uncertain)
+    return replace(uncertain, notes=(*uncertain.notes, *clock_notes(uncertain)))
 
 
 def _reading_errors(
     measured: Measurements, runs: Sequence[Run], rigs: Mapping[str, Rig]
 ) -> tuple[ReadingError, ...]:
-    """How wrong the calibrations may be: of the outputs, and of the inputs that a channel measured."""
+    """How wrong calibrations and clocks may be: of the outputs, and of the inputs that a channel measured."""
     if measured.rig is None or not measured.records:
         return ()
     records = measured.records
@@ -124,7 +127,11 @@ def _reading_errors(
         if name in inputs
     }
     channels = {run: rig.channels for run, rig in rigs.items()}
-    return reading_errors(channels, readings, rows=measured.table)
+    clocks = {} if measured.table else {run: rig.clocks for run, rig in rigs.items()}
+    return (
+        *calibration_errors(channels, readings, rows=measured.table),
+        *clock_errors(clocks, readings),
+    )
 
 
 def _of_run(

@@ -1,0 +1,90 @@
+"""What a clock that may be off leaves of a record, and which clocks cannot be unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.errors import RigctlError
+from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.reading_errors import ClockError
+from rigctl.units import show
+
+
+def clocks_of(measurements: Measurements) -> list[ClockError]:
+    """The clocks whose offsets are unknowns."""
+    return [one for one in measurements.reading_errors if isinstance(one, ClockError)]
+
+
+def require_long_records(measurements: Measurements) -> None:
+    """Refuse a clock of which a record is too short to tell anything, or that dates steps of an input.
+
+    Raises
+    ------
+    RigctlError
+        the first of them, by name.
+    """
+    for clock in clocks_of(measurements):
+        held = [name for name in clock.channels if name in _held(measurements)]
+        if held:
+            raise RigctlError(
+                f"the clock '{clock.clock}' dates an input that holds until its next reading",
+                value=held[0],
+                expected="inputs that change continuously between readings, or outputs",
+                hint=f"Take {held[0]} out of the clock's channels",
+            )
+        for record in _dated(clock, measurements.records):
+            length = float(record.times[-1] - record.times[0])
+            if length <= 2.0 * clock.stated:
+                raise RigctlError(
+                    f"the clock '{clock.clock}' may be off by more than half of record {record.label}",
+                    value=f"±{show(clock.stated, 's')}",
+                    expected=f"less than ±{show(0.5 * length, 's')}, or the record left out",
+                )
+
+
+def clock_notes(measurements: Measurements) -> Iterator[str]:
+    """Which readings do not count because of a clock."""
+    for clock in clocks_of(measurements):
+        outputs = ", ".join(_affected(clock, measurements))
+        yield (
+            f"the clock {clock.clock} may be off by ±{show(clock.stated, 's')}: the readings of {outputs} "
+            "within that of an end of a record count in no fit"
+        )
+
+
+def far_from_ends(measurements: Measurements) -> list[NDArray[np.bool_]]:
+    """(n, outputs) of each record, the readings that belong to it whatever the offset within what is stated.
+
+    What an output was before it, and a measured input before its first reading, is not known.
+    """
+    masks = [np.ones(record.values.shape, dtype=bool) for record in measurements.records]
+    for clock in clocks_of(measurements):
+        columns = [measurements.outputs.index(name) for name in _affected(clock, measurements)]
+        for record, mask in zip(measurements.records, masks, strict=True):
+            if not record.row and clock.acts_in(record.run):
+                first, last = record.times[0] + clock.stated, record.times[-1] - clock.stated
+                mask[:, columns] &= ((record.times >= first) & (record.times <= last))[:, None]
+    return masks
+
+
+def _affected(clock: ClockError, measurements: Measurements) -> list[str]:
+    """The outputs that a clock dates, or all if it dates an input."""
+    every = any(name in measurements.inputs for name in clock.channels)
+    return [name for name in measurements.outputs if every or name in clock.channels]
+
+
+def _held(measurements: Measurements) -> set[str]:
+    """The measured inputs that change in steps in some record."""
+    return {
+        name
+        for k, name in enumerate(measurements.inputs)
+        for record in measurements.records
+        if k not in record.along and np.ptp(record.inputs[:, k]) > 0.0
+    }
+
+
+def _dated(clock: ClockError, records: Sequence[MeasuredRecord]) -> list[MeasuredRecord]:
+    return [one for one in records if not one.row and clock.acts_in(one.run)]
