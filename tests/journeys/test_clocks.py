@@ -6,6 +6,7 @@ The benches are integrated by SciPy, and their readings taken at other times tha
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from pathlib import Path
@@ -169,7 +170,8 @@ def test_a_clock_that_dates_nothing_of_the_model_changes_no_bit(tmp_path: Path) 
         answers = []
         for clocks in ("", clock("housing")):
             write_motor(clocks, (0.0, 0.0))
-            answers.append({**judged(), "runs": None})
+            found = judged()
+            answers.append(json.loads(json.dumps(found).replace(found["runs"][0], "run")))
     assert answers[0] == answers[1]
 
 
@@ -188,7 +190,7 @@ def test_late_thermometers_of_the_heater_board_are_its_loggers_clock(tmp_path: P
     times = np.arange(0.0, 1500.0, 2.0)
 
     def rates(t: float, y: Sequence[float]) -> list[float]:
-        power = 1.0 * levels[min(max(int(t // 300.0), 0), 4)]
+        power = levels[min(int((t + 1.0) // 300.0), 4)]  # switched between two samples
         return [(power - 0.016 * (y[0] - 23.0)) / 2.0, -0.016 * (y[1] - 23.0) / 2.0]
 
     readings = course(rates, [23.0, 23.0], times, [share * stated] * 2, 10.0)
