@@ -321,7 +321,7 @@ class Diagnosis:
 
     @cached_property
     def sensors(self) -> SensorBudget | None:
-        """The errors of calibrations and clocks beside the effects that are named; None if none are in the fit."""
+        """The errors of calibrations and clocks, beside the effects if some are named; None without any."""
         return sensor_budget(self.best.fit) if self.effects else self.before.sensors
 
     @property
