@@ -1,7 +1,7 @@
 """One procedure on three benches: simulated, with the board's firmware, and replayed.
 
-The campaign is the shipped one with its own arguments: a temperature one kelvin above the bench's and one
-pressure instead of seven and four, since the emulated board passes through the heating at no more than ten
+The campaign is the shipped one with its own arguments: a temperature one kelvin above the bench's and two
+pressures instead of seven and four, since the emulated board passes through the heating at no more than ten
 times real time.
 """
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packa
 
 PROCEDURES = {
     "quick-check": (),
-    "campaign": ("--arg", "temperatures=21 degC", "--arg", "pressures=40 bar"),
+    "campaign": ("--arg", "temperatures=21 degC", "--arg", "pressures=20 bar, 40 bar"),
 }
 #: standard deviation of a reading: noise of the sensor and resolution of the converter, in the channel's unit
 SIGMA = {
