@@ -146,21 +146,25 @@ def _own_model(directory: Path) -> Path:
 
 def _published(directory: Path, model: Path, console: Console) -> Comparison:
     """The published strokes, imported and compared with the textbook."""
-    from rigctl.dataset import open_run
-    from rigctl.dataset.importing import import_file
-    from rigctl.rig import load_rig
+    from rigctl.cli.progress import progress_display
 
-    imported = import_file(directory / _PUBLISHED, load_rig(directory / _RIG), directory / "runs")
+    with progress_display("Reading the published strokes"):
+        from rigctl.dataset import open_run
+        from rigctl.dataset.importing import import_file
+        from rigctl.rig import load_rig
+
+        imported = import_file(directory / _PUBLISHED, load_rig(directory / _RIG), directory / "runs")
     return _compare(open_run(imported.path), model, console)
 
 
 def _compare(run: Run, model: Path, console: Console, hold_out: str | None = None) -> Comparison:
     """A run compared with a model, and the direction in which that is wrong."""
-    from rigctl.analysis.comparison import compare
     from rigctl.cli.progress import progress_display
-    from rigctl.model import load_model
 
     with progress_display("Reading the records") as on_progress:
+        from rigctl.analysis.comparison import compare
+        from rigctl.model import load_model
+
         compared = compare([run], [load_model(model)], hold_out=hold_out, on_progress=on_progress)
     wrong = [one.text for one in compared.models[0].trends if one.wrong_sign and one.matters]
     statement = f"wrong direction: {wrong[0]}" if wrong else compared.models[0].statement
@@ -207,22 +211,29 @@ def _asking(directory: Path, model: Path, published: Comparison) -> Iterator[Cal
 
 def _mend(path: Path, run: Run, console: Console) -> tuple[Comparison, Improvement]:
     """The textbook compared with the campaign, and what it lacks added as its next version."""
-    from rigctl.analysis.improve import improve
     from rigctl.cli.progress import progress_display
 
     console.print(f"[bold]4[/] The textbook model compared with it: {path.as_posix()}")
     compared = _compare(run, path, console, _HELD_OUT)
     with progress_display("Looking for what the model lacks") as on_progress:
+        from rigctl.analysis.improve import improve
+
         return compared, improve(compared, path, sure=True, on_progress=on_progress)
 
 
 def _show_question(question: Mapping[str, Any], console: Console) -> None:
     """What the published strokes leave open, and which record would decide."""
+    from rigctl.analysis.text import in_words
+    from rigctl.effects.registry import find_effect
+
     console.print("[bold]5[/] What single strokes leave open")
     rivals = question["classes"][0] if question["classes"] else []
-    open_question = f"the eight published ones cannot tell which of {len(rivals)} effects it is: "
-    told = open_question + ", ".join(rivals) if rivals else question["statement"]
-    console.print(f"  {told}", markup=False, soft_wrap=True)
+    told = f"the eight published ones cannot tell which of {len(rivals)} effects it is:"
+    console.print(f"  {told if rivals else question['statement']}", markup=False, soft_wrap=True)
+    for name in rivals:
+        console.print(
+            f"    {in_words(find_effect(name, 'hydraulic_cylinder'))}", markup=False, soft_wrap=True
+        )
     for step in question["next_steps"][:2]:
         console.print(f"  what decides: {step}", markup=False, soft_wrap=True)
 
@@ -267,18 +278,21 @@ def _write_page(
     found: str,
 ) -> int:
     """The page: the picture, how the error fell, what single strokes leave open, and the hidden effect."""
-    from rigctl.report import write_report
-    from rigctl.report.analysis import hidden_section, improvement_sections, question_section
+    from rigctl.cli.progress import progress_display
 
-    top, *rest = improvement_sections(*mended, model)
-    added = tuple(name for step in mended[1].steps for name in step.effects)
-    sections = [
-        top,
-        question_section(asked[0].models[0], asked[1]),
-        *rest,
-        hidden_section(_HIDDEN, found, right=added == (_HIDDEN.partition(":")[0],)),
-    ]
-    return write_report([run], page, sections=sections).size
+    with progress_display(f"Writing {page.as_posix()}") as on_progress:
+        from rigctl.report import write_report
+        from rigctl.report.analysis import hidden_section, improvement_sections, question_section
+
+        top, *rest = improvement_sections(*mended, model)
+        added = tuple(name for step in mended[1].steps for name in step.effects)
+        sections = [
+            top,
+            question_section(asked[0].models[0], asked[1]),
+            *rest,
+            hidden_section(_HIDDEN, found, right=added == (_HIDDEN.partition(":")[0],)),
+        ]
+        return write_report([run], page, sections=sections, on_progress=on_progress).size
 
 
 def _simulate(
@@ -292,16 +306,19 @@ def _simulate(
     """The campaign as a new run of the project."""
     import time
 
-    from rigctl.cli.plans import open_plan
-    from rigctl.cli.views.measures import show_measures
-    from rigctl.dataset import open_run
-    from rigctl.errors import ExitCode, RigctlError
-    from rigctl.live import view
-    from rigctl.runner.launch import launch
-    from rigctl.runner.simulation import simulation_launch
+    from rigctl.cli.progress import progress_display
 
     start = time.perf_counter()
-    plan = open_plan(directory / _PROCEDURE, arguments=arguments)
+    with progress_display(f"Reading {_PROCEDURE.as_posix()}"):
+        from rigctl.cli.plans import open_plan
+        from rigctl.cli.views.measures import show_measures
+        from rigctl.dataset import open_run
+        from rigctl.errors import ExitCode, RigctlError
+        from rigctl.live import view
+        from rigctl.runner.launch import launch
+        from rigctl.runner.simulation import simulation_launch
+
+        plan = open_plan(directory / _PROCEDURE, arguments=arguments)
     with view(plan) as display:
         result = launch(
             plan, simulation_launch(plan, directory / "runs", seed=seed, effects=effects, observer=display)
