@@ -16,7 +16,14 @@ from rigctl.analysis.adequacy import Adequacy, Test, chi2_test
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Ranked, Verdict
-from rigctl.analysis.identity import levels_of, only_constants, same_cause, wanted_elsewhere
+from rigctl.analysis.identity import (
+    Levels,
+    certain_members,
+    levels_of,
+    only_constants,
+    same_cause,
+    wanted_elsewhere,
+)
 from rigctl.analysis.judgement import Judgement, _sure_members, verdict_on
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.rivals import Rival
@@ -84,6 +91,40 @@ def test_every_effect_that_is_not_distinguished_has_to_agree() -> None:
     assert set(constant.slots) == set(FRICTION.slots)
     assert not same_cause(FRICTION, constant)
     assert level(FRICTION, constant) == LOCATION
+
+
+@pytest.mark.parametrize(
+    ("sure", "driver", "certain", "statement"),
+    [
+        (EVERYTHING, ("v",), "location, variables and law", ""),
+        (EVERYTHING, (), "location and law", ""),
+        (NOTHING, ("v",), "nothing", ""),
+        (
+            LOCATION,
+            ("v",),
+            "location, a term at here",
+            "Certain is the location, a term at here, but not what it depends on",
+        ),
+        (
+            ALL_BUT_LAW,
+            ("v",),
+            "location and variables, a term at here over v",
+            "Certain are the location and variables: a term at here over v",
+        ),
+        (
+            ALL_BUT_LAW,
+            (),
+            "location, a constant term at here",
+            "Certain is the location, a constant term at here, but not its law",
+        ),
+    ],
+)
+def test_what_is_certain_is_said_and_no_more(
+    sure: tuple[bool, bool, bool], driver: tuple[str, ...], certain: str, statement: str
+) -> None:
+    one = Levels("alpha", ("here",), driver, *sure)
+    assert (one.certain, one.statement) == (certain, statement)
+    assert certain_members([one]) == (("alpha",) if sure[0] else ())
 
 
 def test_several_effects_leave_something_where_none_of_them_acts() -> None:
@@ -253,6 +294,24 @@ def test_more_records_may_confirm_an_effect_only_if_nothing_else_speaks_against_
     two = judged(Verdict.AMBIGUOUS)
     two.answer.against = lambda certain=(): ["a check", "a bound"]  # type: ignore[method-assign]
     assert two.unconfirmed == ()
+
+
+@pytest.mark.parametrize("of_set", list(Verdict))
+@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize("given", [None, "given"])
+def test_levels_classes_and_the_scale_of_what_is_left_need_a_named_set(
+    monkeypatch: pytest.MonkeyPatch, of_set: Verdict, own: bool, given: str | None
+) -> None:
+    """In the scale of its own errors, a model without a named set is shown as it was compared."""
+    named = of_set in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
+    monkeypatch.setattr(judgement, "certain_levels", lambda *_: ("a level",))
+    one = judged(of_set)
+    vars(one)["search"] = SimpleNamespace(given=given, before="before", in_own_scale=own)
+    one.answer.classes = (("alpha",),)  # type: ignore[misc]
+    assert one.named is named
+    assert one.levels == (("a level",) if named else ())
+    assert one.classes == ((("alpha",),) if named else ())
+    assert one.shown == ("given" if given and own and not named else "before")
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,12 @@ from rigctl.runner.persistence import Persistence
 @given(
     st.sampled_from([0.125, 0.25, 1.0]),
     st.sampled_from([0.0, 0.5, 1.0, 3.0]),
-    st.sampled_from([1.0, 2.0, 4.0]),
+    st.sampled_from([1.0, 2.0, 4.0, 16.0]),
     st.lists(st.booleans(), min_size=1, max_size=70),
 )
 @example(0.25, 0.5, 2.0, [True, False] * 3 + [False] * 9 + [True, False] * 3)
 @example(1.0, 3.0, 2.0, [True, False] * 20)
+@example(1.0, 0.5, 16.0, [True, False, True, False, True, False])
 @example(1.0, 1.0, 1.0, [True, True, False, True, True])
 def test_outside_without_a_break_or_for_its_share_of_the_window_is_long_enough(
     step: float, duration: float, times: float, flags: list[bool]
@@ -44,5 +45,6 @@ def test_outside_without_a_break_or_for_its_share_of_the_window_is_long_enough(
 def test_rounding_of_times_neither_delays_nor_shortens() -> None:
     one = Persistence(0.05, 0.1)
     assert not one.outside(0.9)
+    assert not one.outside(0.9495)
     assert one.outside(0.95)
     assert 0.95 - 0.9 < 0.05

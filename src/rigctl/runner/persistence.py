@@ -6,7 +6,6 @@ one reading inside were enough to start the time anew, they would never trip an 
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -87,4 +86,4 @@ class Persistence:
         if not self._outside:
             recent.clear()
             self._time_outside = 0.0
-        return window if math.isfinite(window) else self.window
+        return window
