@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from rigctl.backends.protocol import Sample
+from rigctl.clock import VirtualClock
 from rigctl.dataset import RunWriter
 from rigctl.dataset.run import open_run
 from rigctl.errors import ExitCode
@@ -285,3 +286,41 @@ def test_a_display_that_fails_does_not_end_the_run(do: Do) -> None:
     done = do("steps:\n  - wait: 1 s\n", observer=broken)
     assert done.result.status == "finished"
     assert len([text for text in done.messages("note") if "display failed" in text]) == 1
+
+
+class Mute:
+    """A bench that neither reports its outputs nor answers their commands."""
+
+    outputs_read: frozenset[str] = frozenset()
+    outputs_answered: frozenset[str] = frozenset()
+
+    def __init__(self, inner: Any) -> None:
+        self.inner = inner
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+
+@pytest.mark.parametrize(
+    ("steps", "status", "unconfirmed"),
+    [
+        ("set: {heater: on}\n  - wait: 1 s", "failed", "heater on"),
+        (f"set: {{heater: on}}\n  - {FAILS}", "failed", "heater on"),
+        ("wait: 1 s", "finished", None),
+    ],
+)
+def test_a_run_that_cannot_confirm_its_outputs_safe_has_not_finished(
+    workshop: Any, steps: str, status: str, unconfirmed: str | None
+) -> None:
+    """Whatever its steps did; only what the run has driven is in doubt."""
+    bench = Mute(workshop.backend(workshop.rig(), VirtualClock()))
+    done = workshop.run(f"steps:\n  - {steps}\n", backend=bench)
+    assert (done.result.status, done.result.unconfirmed) == (status, unconfirmed)
+    assert open_run(done.result.folder).info["status"] == status
+    assert done.states[-1] == status
+    if unconfirmed is not None:
+        assert done.result.exit_code is ExitCode.FAILED
+        assert (
+            "OUTPUTS NOT CONFIRMED SAFE: heater on may still be on: switch it off by hand"
+            in done.result.reason
+        )

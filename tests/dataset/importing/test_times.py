@@ -274,3 +274,7 @@ def test_an_instant_is_shown_in_its_zone() -> None:
     noon = int(datetime(2026, 7, 1, 12, tzinfo=UTC).timestamp()) * 10**9
     assert instant(noon + 1999, "Europe/Berlin").isoformat() == "2026-07-01T14:00:00.000001+02:00"
     assert instant(noon, None).utcoffset() == timedelta(0)
+
+
+def test_dates_with_and_without_separators_may_stand_in_one_file() -> None:
+    assert read(TimeFormat("date"), "2026/03/04", "20260305", "4 March") == [0.0, 86400.0, None]
