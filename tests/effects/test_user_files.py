@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigctl.effects import Effect, qualified
+from rigctl.effects.record_level import RECORD
 from rigctl.effects.user import is_effect_file, load_effect, parse_effect
 from rigctl.effects.user.load import place_of
 from rigctl.engine.symbols import Graph, evaluate
@@ -17,6 +18,7 @@ from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.expressions import parse
 from rigctl.expressions.functions import ALL_FUNCTIONS
 from rigctl.files.shipped import shipped
+from rigctl.model.reading_errors import CALIBRATION, CLOCK
 from rigctl.physics.families import find_family
 from rigctl.physics.scope import Scope
 
@@ -249,6 +251,12 @@ def test_additional_fields_of_a_file_are_checked(more: str, message: str) -> Non
 def test_a_name_of_the_library_is_refused() -> None:
     text = written().replace("effect: mine", "effect: coulomb_friction")
     assert "the library has an effect of this name" in refused(text)
+
+
+@pytest.mark.parametrize("name", [RECORD, CALIBRATION, CLOCK])
+def test_a_name_under_which_every_model_has_unknowns_is_refused(name: str) -> None:
+    text = written().replace("effect: mine", f"effect: {name}")
+    assert "this name stands for unknowns of every model" in refused(text)
 
 
 def test_an_effect_that_adds_nothing_is_refused() -> None:

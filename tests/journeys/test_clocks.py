@@ -175,12 +175,12 @@ def test_a_clock_that_dates_nothing_of_the_model_changes_no_bit(tmp_path: Path) 
     assert answers[0] == answers[1]
 
 
-def test_a_clock_that_may_be_off_by_half_a_record_is_refused(tmp_path: Path) -> None:
+def test_a_clock_that_may_be_off_by_a_quarter_of_a_record_is_refused(tmp_path: Path) -> None:
     with chdir(tmp_path):
         write_motor(clock("speed", 1.2), (0.0, 0.0))
         message = refusal("compare", "latest", "--model", "model.yaml")
-    assert "the clock 'logger_b' may be off by more than half of record" in message
-    assert "less than ±0.99" in message
+    assert "the clock 'logger_b' may be off by more than a quarter of record" in message
+    assert "less than ±0.4975 s" in message
 
 
 @pytest.mark.parametrize("share", [0.8, 1.5])

@@ -163,7 +163,9 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
     if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
         if wrong is not None:
-            return wrong if wrong.adequacy.agrees else replace(compared, with_sensor_errors=wrong)
+            if wrong.adequacy.agrees:
+                return wrong
+            compared = replace(compared, with_sensor_errors=wrong)
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress
         report(f"Fitting {compared.name} as if every sensor were exact")

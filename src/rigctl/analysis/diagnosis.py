@@ -112,7 +112,7 @@ def diagnose_comparison(
     beyond = agreeing_beyond(before)
     if beyond is not None:
         return _undecided_by_bound(before, beyond, runs, held_out, notes)
-    before, search, found = _searched_with_sensors(before, most, on_progress or no_progress)
+    search, found, if_exact = _searched_with_sensors(before, most, on_progress or no_progress)
     judgement = judge_set(search, found)
     best, verdict = judgement.best, judgement.verdict
     # where nothing is named, the answer is that of the comparison, in the scale of its own errors
@@ -137,7 +137,12 @@ def diagnose_comparison(
         drift=tuple(drift),
         statement=remarks.statement or statement.text,
         opening=statement.opening,
-        evidence=(*_evidence(judgement, ranking), *_exact_text(before, exact), *drift_text(drift)),
+        evidence=(
+            *_evidence(judgement, ranking),
+            *_exact_text(before, exact),
+            *([if_exact] if if_exact else []),
+            *drift_text(drift),
+        ),
         held_out=tuple(held_out),
         notes=tuple(notes),
         before=before,
@@ -156,6 +161,7 @@ def diagnose_comparison(
         unconfirmed=judgement.unconfirmed,
         decided_by=_decided_by(before, verdict),
         with_exact_sensors=exact,
+        if_exact=if_exact,
     )
     if not further_laws(diagnosis):
         return diagnosis
@@ -281,7 +287,7 @@ def _misread_text(judgement: Judgement) -> list[str]:
         return []
     return [
         f"against {' and '.join(judgement.best.effects)}: the model would agree without it if "
-        f"{misread.sensors.explanation}, which is more than its calibration allows"
+        f"{misread.sensors.beyond_text}"
     ]
 
 
@@ -299,8 +305,8 @@ def _laws_instead(search: Search) -> tuple[LawAnswer, ...]:
 
 def _searched_with_sensors(
     before: ModelComparison, most: int, on_progress: OnProgress
-) -> tuple[ModelComparison, Search, RefittedSet]:
-    """The comparison that is answered, its search and its best set.
+) -> tuple[Search, RefittedSet, str]:
+    """The search that is answered, its best set, and what exact sensors would show if that is something else.
 
     Where only an uncertainty of sensors is stated, they are exact at first. If no effects then explain what
     is left, errors of sensors are a part of the answer: alone, larger than stated, or within it beside an
@@ -309,13 +315,23 @@ def _searched_with_sensors(
     search, found = _searched(before, most, on_progress)
     inexact = before.with_sensor_errors
     if inexact is None or inexact.adequacy.unproven or _explained(search, found):
-        return before, search, found
+        return search, found, ""
     if inexact.adequacy.only_misread or search.left(found):
         beside, best = _searched(inexact, most, on_progress)
         within = not beside.at(best).adequacy.misread
-        if agrees_within_tolerance(beside) or (within and search.left(found) and not beside.left(best)):
-            return inexact, beside, best
-    return before, search, found
+        if agrees_within_tolerance(beside):
+            return beside, best, ""
+        if within and search.left(found) and not beside.left(best):
+            return beside, best, "" if found.effects == best.effects else _nearest_text(search, found)
+    return search, found, ""
+
+
+def _nearest_text(search: Search, found: RefittedSet) -> str:
+    """What a search with exact sensors found, which leaves something."""
+    if not found.candidates:
+        return "with exact sensors, no effect of the library would explain it"
+    names, left = " and ".join(found.effects), share_text(search.left(found))
+    return f"with exact sensors, {names} would be nearest, and leave {left} of the misfit"
 
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:

@@ -210,6 +210,8 @@ class Diagnosis:
     decided_by: what would decide what is open: slow noise or an effect, an error of a sensor or an effect.
     with_exact_sensors: if the model agrees only because sensors may be wrong as stated, the diagnosis with
         exact ones.
+    if_exact: if effects are named beside errors of sensors, what exact ones would show, in words; "" if that
+        is the same.
     """
 
     runs: tuple[str, ...]
@@ -244,6 +246,7 @@ class Diagnosis:
     opening: str = ""
     decided_by: tuple[str, ...] = ()
     with_exact_sensors: Diagnosis | None = field(default=None, repr=False)
+    if_exact: str = ""
 
     @property
     def slot(self) -> str:

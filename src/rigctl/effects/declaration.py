@@ -48,6 +48,10 @@ _BEYOND = 10.0
 Term: TypeAlias = Callable[[Scope, Own], Scalar]
 
 
+#: names under which unknowns that are no effects are declared: of records, calibrations and clocks
+NOT_EFFECTS = ("record", "calibration", "clock")
+
+
 def qualified(effect: str, name: str) -> str:
     """The name of an effect's parameter or state in a system: ``piston_leakage.conductance``."""
     return f"{effect}.{name}"

@@ -116,7 +116,8 @@ class ClockError(_CommonError):
     @property
     def name(self) -> str:
         """Its name as an unknown."""
-        return qualified(CLOCK, self.clock + _numbered(self.number))
+        # no name in a rig file begins with a digit: that of another clock is always another one
+        return qualified(CLOCK, (f"{self.number}_" if self.number > 1 else "") + self.clock)
 
     @property
     def of(self) -> tuple[str, str, int]:
@@ -127,6 +128,11 @@ class ClockError(_CommonError):
     def stated(self) -> float:
         """What the rig file states, 95 %, s."""
         return 2.0 * self.std
+
+    @property
+    def largest(self) -> float:
+        """The largest offset that a fit may find, s."""
+        return _FAR * self.std
 
 
 @dataclass(frozen=True)
@@ -268,7 +274,7 @@ def clock_errors(
     """
     errors = []
     for name in dict.fromkeys(name for of_run in clocks.values() for name in of_run):
-        states = _states({run: of_run[name] for run, of_run in clocks.items() if name in of_run}, _itself)
+        states = _states({run: of_run[name] for run, of_run in clocks.items() if name in of_run}, _statement)
         everywhere = len(states) == 1 and len(states[0][1]) == len(clocks)
         for number, (clock, runs) in enumerate(states, 1):
             dated = tuple(one for one in clock.channels if one in channels)
@@ -280,14 +286,14 @@ def clock_errors(
                         0.5 * clock.uncertainty,
                         runs=() if everywhere else runs,
                         number=number,
-                        latest=number == len(states) and name in list(clocks.values())[-1],
+                        latest=next(reversed(clocks)) in runs,
                     )
                 )
     return tuple(errors)
 
 
-def _itself(clock: Clock) -> object:
-    return clock
+def _statement(clock: Clock) -> object:
+    return frozenset(clock.channels), clock.uncertainty
 
 
 def _states(of_runs: Mapping[str, T], key: Callable[[T], object]) -> list[tuple[T, tuple[str, ...]]]:

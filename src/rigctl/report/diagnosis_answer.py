@@ -51,7 +51,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     facts.append(("its law", laws[0] if laws else ""))
     facts.append(("decided by", "; or ".join(diagnosis.decided_by)))
     facts.append(("sensors", _sensors(diagnosis)))
-    unsure = diagnosis.doubt or diagnosis.with_exact_sensors is not None
+    unsure = diagnosis.doubt or diagnosis.if_exact or diagnosis.with_exact_sensors is not None
     tone: Tone = "open" if unsure else _TONES[diagnosis.verdict]
     return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts), diagnosis.first)
 
@@ -60,7 +60,8 @@ def _sensors(diagnosis: Diagnosis) -> str:
     """Their errors beside what is named, or what exact ones would show where errors explain it as well."""
     exact = diagnosis.with_exact_sensors
     if exact is None:
-        return f"beside it, {diagnosis.sensors_beside}" if diagnosis.sensors_beside else ""
+        beside = f"beside it, {diagnosis.sensors_beside}" if diagnosis.sensors_beside else ""
+        return "; ".join(one for one in (beside, diagnosis.if_exact) if one)
     return f"if they were exact, {would_be_missing(exact)}"
 
 

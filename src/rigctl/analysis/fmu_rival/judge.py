@@ -30,6 +30,7 @@ from rigctl.json_values import finite_or_none
 from rigctl.model.fit.errors import ChannelError, channel_errors, whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.clocks import clocks_of
 from rigctl.model.measured.standing import with_what_is_left
 
 Floats = NDArray[np.float64]
@@ -131,6 +132,13 @@ def judge_fmu(
     problem = fitted.problem
     if problem.measurements.table:
         raise RigctlError("an FMU needs records over time", value="a table")
+    clocks = clocks_of(problem.measurements)
+    if clocks:
+        raise RigctlError(
+            "an FMU is simulated at the times that the records say, and a clock of the rig file may be off",
+            value=clocks[0].clock,
+            hint="Compare it with a rig file without clocks",
+        )
     simulated = run_fmu(path, fitted, on_progress, patience)
     indices = fitted.held_out or fitted.fitted
     theirs, ours = _alike(fitted, simulated)

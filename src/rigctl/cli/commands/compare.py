@@ -250,7 +250,7 @@ def _lead_on(
     elif comparison.models[-1].adequacy.below_noise:
         show_next(page, "writes a page; a record at rest or a repeated condition would show the noise")
     elif comparison.models[-1].explained_by:
-        show_next(diagnosis, "tells what would be missing if the sensors were exact")
+        show_next(diagnosis, "tells what would be missing if sensors and clocks were exact")
     elif comparison.models[-1].adequate:
         show_next(page, "writes a page; these data call for nothing more")
     else:

@@ -294,7 +294,7 @@ def _tell_sensor_from_effect(diagnosis: Diagnosis, design: str, page: str) -> No
         of_rig = ["--rig", rig.path.as_posix()] if rig.path else []
         show_next(command(["calibrate", sensors.misread[0].channel, *of_rig]), "calibrates the sensor again")
     else:
-        show_next(page, "writes a page; a better calibration would tell the sensor from the model")
+        show_next(page, "writes a page, with what would tell the error of a sensor or clock from the model")
 
 
 def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:

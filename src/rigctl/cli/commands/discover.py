@@ -69,7 +69,7 @@ def discover(
     """
     from rigctl.cli.progress import progress_display
 
-    with progress_display("Reading the records", "nothing was saved") as on_progress:
+    with progress_display("Reading the records", "no further file was written") as on_progress:
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.commands.compare import open_models, open_runs
         from rigctl.cli.tables import print_json

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from rigctl.effects.declaration import Effect, EffectParameter, Term, problems
+from rigctl.effects.declaration import NOT_EFFECTS, Effect, EffectParameter, Term, problems
 from rigctl.effects.examine import examine
 from rigctl.effects.measured_curve import MeasuredCurve
 from rigctl.effects.registry import library
@@ -245,6 +245,13 @@ def _check_mentions(reader: Reader, written: EffectFile, family: ModelFamily) ->
     They are effects of the library, or of files in the same folder, which may mention each other.
     """
     known = library(family)
+    if written.effect in NOT_EFFECTS:
+        taken = RigctlError(
+            "this name stands for unknowns of every model",
+            value=written.effect,
+            hint="Give it a name of its own",
+        )
+        reader.refuse(("effect",), taken)
     if written.effect in known:
         taken = RigctlError(
             "the library has an effect of this name", value=written.effect, hint="Give it a name of its own"

@@ -4,9 +4,10 @@ A clock that is behind by τ gives the time t to a reading at t + τ. The readin
 ``r(t) = y(t + τ)``, for which the record is integrated to these times: exact whatever τ is, with the
 derivatives by the other unknowns at the same times. That by τ is ``(y(t + τ + δ) − y(t + τ − δ))/2δ``, of an
 integration with tight tolerance: off by ``δ²·y'''/6``, δ a tenth of the clock's standard deviation. What
-was before a record is not known: there y is that at its start, and no such reading counts within the stated
-offset of either end (`rigctl.model.measured.clocks`). Of a measured input ``u(s) = r(s − τ)``: the times of
-its readings are moved, and it is constant beyond the first and the last one.
+was before a record is not known: there y is that at its start, and no such reading counts within the largest
+offset, twice what is stated, of either end (`rigctl.model.measured.clocks`). Of a measured input
+``u(s) = r(s − τ)``: the times of its readings are moved, and it is constant beyond the first and the last
+one.
 """
 
 from __future__ import annotations

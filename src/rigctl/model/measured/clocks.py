@@ -37,12 +37,18 @@ def require_long_records(measurements: Measurements) -> None:
             )
         for record in _dated(clock, measurements.records):
             length = float(record.times[-1] - record.times[0])
-            if length <= 2.0 * clock.stated:
+            if length <= 2.0 * clock.largest:
                 raise RigctlError(
-                    f"the clock '{clock.clock}' may be off by more than half of record {record.label}",
+                    f"the clock '{clock.clock}' may be off by more than a quarter of record {record.label}",
                     value=f"±{show(clock.stated, 's')}",
-                    expected=f"less than ±{show(0.5 * length, 's')}, or the record left out",
+                    expected=f"less than ±{show(0.25 * length, 's')}",
+                    hint="'rigctl runs exclude' leaves a record out of every analysis",
                 )
+
+
+def clock_reach(measurements: Measurements, record: MeasuredRecord) -> float:
+    """How far from its switch an edge may be dated in a record, s."""
+    return max((one.stated for one in clocks_of(measurements) if one.acts_in(record.run)), default=0.0)
 
 
 def clock_notes(measurements: Measurements) -> Iterator[str]:
@@ -51,12 +57,12 @@ def clock_notes(measurements: Measurements) -> Iterator[str]:
         outputs = ", ".join(_affected(clock, measurements))
         yield (
             f"the clock {clock.clock} may be off by ±{show(clock.stated, 's')}: the readings of {outputs} "
-            "within that of an end of a record count in no fit"
+            "within twice that of an end of a record count in no fit"
         )
 
 
 def far_from_ends(measurements: Measurements) -> list[NDArray[np.bool_]]:
-    """(n, outputs) of each record, the readings that belong to it whatever the offset within what is stated.
+    """(n, outputs) of each record, the readings that belong to it whatever offset a fit may find.
 
     What an output was before it, and a measured input before its first reading, is not known.
     """
@@ -65,7 +71,7 @@ def far_from_ends(measurements: Measurements) -> list[NDArray[np.bool_]]:
         columns = [measurements.outputs.index(name) for name in _affected(clock, measurements)]
         for record, mask in zip(measurements.records, masks, strict=True):
             if not record.row and clock.acts_in(record.run):
-                first, last = record.times[0] + clock.stated, record.times[-1] - clock.stated
+                first, last = record.times[0] + clock.largest, record.times[-1] - clock.largest
                 mask[:, columns] &= ((record.times >= first) & (record.times <= last))[:, None]
     return masks
 

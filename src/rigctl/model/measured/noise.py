@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.result_cache import cached
-from rigctl.model.measured.clocks import clocks_of, far_from_ends
+from rigctl.model.measured.clocks import clock_reach, clocks_of, far_from_ends
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.table import column, curve_variable, curves, set_variable
 from rigctl.noise import (
@@ -87,7 +87,8 @@ def noise_of(measurements: Measurements) -> DataNoise:
     """Estimate the noise of `measurements`; spikes are masked and counted, never dropped silently."""
     records = [replace(record, run="", index=0, label="") for record in measurements.records]
     names = (measurements.outputs, measurements.units, measurements.inputs)
-    by_rig = (_known(measurements), set_variable(measurements))
+    reach = [clock_reach(measurements, record) for record in measurements.records]
+    by_rig = (_known(measurements), set_variable(measurements), reach)
     noise = cached("noise", (names, records, by_rig), DataNoise, lambda: _noise_of(measurements))
     if not clocks_of(measurements):
         return noise
@@ -127,7 +128,8 @@ def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
         jumps = 1 + np.flatnonzero((np.abs(np.diff(record.inputs, axis=0)) > least).any(axis=1))
         values = np.where(good, record.values, np.nan)
         sigma = noise.model.sigma_at(values, record.times)
-        edges = find_edges(record.times, values, sigma, record.switch_times[jumps], record.switch_half[jumps])
+        half = record.switch_half[jumps] + clock_reach(measurements, record)
+        edges = find_edges(record.times, values, sigma, record.switch_times[jumps], half)
         masks.append(good & edges)
     counts = np.array([mask.sum(axis=0) for mask in masks], dtype=np.intp)
     model = recounted(noise.model, [channel.masked for channel in noise.model.channels], _sums(counts))
