@@ -211,7 +211,7 @@ def test_bonferroni_counts_the_tests_that_were_made() -> None:
 
 
 CLEAN, REJECTED = {"chi2": Test(1.0, 0.5)}, {"chi2": Test(1.0, 1e-6)}
-SENSOR = cast("Any", SimpleNamespace(beyond=[SimpleNamespace(channel="left")]))
+SENSOR = cast("Any", SimpleNamespace(beyond=[SimpleNamespace(of=("calibration", "left", 1))]))
 FINE = cast("Any", SimpleNamespace(beyond=[]))
 
 

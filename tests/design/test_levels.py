@@ -105,7 +105,7 @@ def test_records_tell_a_loss_from_a_thermometer_that_is_wrong_within_its_calibra
         found = answer("design", run, "--model", MODEL, "--records", "2", "-o", "sensor.yaml")
         assert found["rivals"][-1]["name"] == "none"
         assert sum(one["weight"] for one in found["rivals"][:-1]) == pytest.approx(1.0)
-        assert "an error of the sensors" in found["statement"]
+        assert "tell these 3 explanations apart" in found["statement"]
         told("simulate", "sensor.yaml", "--with", "radiation", "--seed", "5")
         after = answer("diagnose", run, "latest", "--model", MODEL)
         assert after["explained_by"] is None

@@ -154,7 +154,7 @@ def _answers_in_a_few_lines(found: Discovery, capsys: pytest.CaptureFixture[str]
     show_discovery(found)
     short = capsys.readouterr().out
     assert len(short.splitlines()) <= 3 + len(found.formulas)
-    assert re.search(r"% of it, [0-9.]+ sigma \(p [<=] [0-9.e-]+\)", short)  # it was "(< 1e-6)"
+    assert re.search(r"% of it, [0-9.]+ times as strong as chance \(p [<=] [0-9.e-]+\)", short)
     assert found.formulas[0].term in short
     assert "-v shows" in short
     show_discovery(found, verbose=True)
