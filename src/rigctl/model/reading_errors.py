@@ -286,7 +286,7 @@ def clock_errors(
                         0.5 * clock.uncertainty,
                         runs=() if everywhere else runs,
                         number=number,
-                        latest=next(reversed(clocks)) in runs,
+                        latest=list(clocks)[-1] in runs,
                     )
                 )
     return tuple(errors)
