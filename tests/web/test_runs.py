@@ -149,8 +149,7 @@ def test_the_catalogue_can_be_used_with_the_keyboard_alone(window: Window, two: 
     page.get_by_label("Find").focus()
     page.keyboard.type(two[0])
     page.get_by_text("1 of 2 runs").wait_for()
-    page.locator(f"tr[data-run='{two[0]}'] a").focus()
-    page.keyboard.press("Enter")
+    page.locator(f"tr[data-run='{two[0]}'] a").press("Enter")  # the list may be drawn anew between two steps
     page.locator("aside h2", has_text=two[0]).wait_for()
     page.go_back()
     page.get_by_text("Choose a run to see").wait_for()
