@@ -100,14 +100,14 @@ $(BIN)/python:
 
 # Both install the versions that constraints.txt names: what was tested is what runs.
 # With the site of the documentation, for which pip gets its builder into a folder of its own.
-$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.installed: pyproject.toml rigctl-validation/pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing rigctl and what it needs into $(VENV): 0.6 GB, one or two minutes"
 	$(BIN)/pip install --progress-bar on --constraint constraints.txt --editable . --editable ./rigctl-validation
 	touch $@
 
 # The tests import a small part of what is installed, and Python compiles that by itself; all of it would take most
 # of the installation.
-$(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.installed-dev: pyproject.toml rigctl-validation/pyproject.toml constraints.txt | $(BIN)/python
 	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]' --editable ./rigctl-validation
 	touch $@ $(VENV)/.installed
 

@@ -19,6 +19,8 @@ pytestmark = pytest.mark.usefixtures("shared_results")
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+#: pages whose links alone are followed
+FOR_CONTRIBUTORS = [ROOT / "CONTRIBUTING.md", ROOT / "rigctl-validation" / "README.md"]
 #: followed by tests/cli/test_effects.py, which also installs the package that the page shows
 _ELSEWHERE = "write-an-effect.md"
 #: needs the emulated board
@@ -43,7 +45,7 @@ def anchors(path: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@pytest.mark.parametrize("page", [*PAGES, *FOR_CONTRIBUTORS], ids=named)
 def test_links_are_valid(page: Path) -> None:
     prose = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     for link in _LINK.findall(prose):

@@ -10,6 +10,7 @@ from pathlib import Path
 from rigctl.effects import library
 
 SOURCE = Path(__file__).parents[1] / "src" / "rigctl"
+VALIDATION = SOURCE.parents[1] / "rigctl-validation" / "src"
 
 
 def bare_nexts(text: str) -> list[int]:
@@ -32,7 +33,8 @@ def test_next_without_a_default_is_found() -> None:
 
 
 def test_no_search_in_the_source_can_end_in_stop_iteration() -> None:
-    found = {str(path): bare_nexts(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")}
+    files = [path for folder in (SOURCE, VALIDATION) for path in folder.rglob("*.py")]
+    found = {str(path): bare_nexts(path.read_text("utf-8")) for path in files}
     assert {name: lines for name, lines in found.items() if lines} == {}
 
 
@@ -59,6 +61,15 @@ def test_the_contributing_guide_names_existing_places() -> None:
     assert len(rows) == page.partition("## Where do I change")[2].count("\n| ") - 1
     missing = [f"{file}: {name}" for file, name in rows if name not in defined(SOURCE / file)]
     assert missing == []
+
+
+def test_the_journeys_of_the_contributing_guide_pass_existing_files() -> None:
+    page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text("utf-8")
+    journeys = page.partition("**A sample, from the wire")[2].partition("\n## ")[0]
+    named = re.findall(r"`([\w/]+\.py|\w+/\w+)`", journeys)
+    assert len(named) > 30
+    places = (SOURCE, SOURCE / "analysis")  # the second journey is there for the most part
+    assert [name for name in named if not any((place / name).exists() for place in places)] == []
 
 
 def test_every_package_is_in_the_contributing_guide() -> None:

@@ -43,6 +43,8 @@ from planted_faults import ROOT, SOURCE, Fault, Planter
 GOAL = 0.95
 #: s of processor time; a test that takes longer is left out, since survivors run every test that reaches them
 SLOW = 4.0
+#: what a room's process exits with; `NOTHING` if it had no fault to find
+PASSED, MISSED, NOTHING = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Rounds:
     def __init__(self, room: str, entry: Any, known: dict[Any, str], options: Any, out: int) -> None:
         self._room, self._entry, self._known, self._options, self._out = room, entry, known, options, out
         self._files: list[str] = entry["files"]
-        self.passed = False
+        self.outcome = MISSED
 
     def pytest_configure(self) -> None:
         """Examples that fail are not reduced to smaller ones."""
@@ -84,12 +86,15 @@ class Rounds:
 
     def pytest_runtestloop(self, session: Any) -> bool:
         """Instead of pytest's own: note what the tests reach, then plant each fault."""
+        if session.testsfailed:  # a file that fails to import is one; each fault would seem to be found
+            self._say(f"{self._room}: tests could not be collected\n")
+            return True
         session.config.pluginmanager.unregister(name="terminalreporter")
         for name in self._entry.get("imports", ()):
             importlib.import_module(name)
         planter = Planter(self._files)
-        reached = self._look(session.items, planter)
         chosen = self._choose(planter.faults())
+        reached = self._look(session.items, planter) if chosen else []
         counts: Counter[str] = Counter()
         for fault in chosen:
             tests = [one for one in reached if one.reaches(fault)]
@@ -103,9 +108,13 @@ class Rounds:
                     f"src/rigctl/{fault.file}:{fault.lines[0]}  {fault.where}: {fault.change}  ({remark})"
                 )
         counted = counts["found"] + counts["out of time"] + counts["survived"]
-        score = 1.0 - counts["survived"] / max(counted, 1)
-        self.passed = score >= GOAL
         rest = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
+        if not counted:
+            self.outcome = NOTHING
+            self._say(f"{self._room}: no faults{rest and f' ({rest})'}\n")
+            return True
+        score = 1.0 - counts["survived"] / counted
+        self.outcome = PASSED if score >= GOAL else MISSED
         self._say(f"{self._room}: {score:.1%} of {counted} faults found by {len(reached)} tests ({rest})\n")
         return True
 
@@ -242,8 +251,8 @@ def changed_lines(file: str, commit: str) -> set[int]:
     return {line for first, count in spans for line in range(int(first), int(first) + int(count or 1))}
 
 
-def run_room(room: str, entry: dict[str, Any], known: dict[Any, str], options: Any) -> bool:
-    """Test one room; return whether its score reaches the goal."""
+def run_room(room: str, entry: dict[str, Any], known: dict[Any, str], options: Any) -> int:
+    """Test one room; return `PASSED` if its score reaches the goal, else `MISSED` or `NOTHING`."""
     import pytest
 
     out = os.dup(1)
@@ -251,7 +260,7 @@ def run_room(room: str, entry: dict[str, Any], known: dict[Any, str], options: A
     with tempfile.TemporaryDirectory() as folder:
         quiet = ["-q", "--no-header", "--no-summary", "-p", "no:cacheprovider", "-p", "no:xdist"]
         pytest.main([*quiet, f"--basetemp={folder}/tests", *entry["tests"]], plugins=[rounds])
-    return rounds.passed
+    return rounds.outcome
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -270,13 +279,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("needs fork, which this system does not have")
     os.chdir(ROOT)
     known = {(one["file"], one["where"], one["change"]): one["reason"] for one in rooms.get("equivalent", [])}
-    passed = True
+    outcomes = set()
     for room in options.rooms or rooms["rooms"]:
         pid = os.fork()
         if pid == 0:
-            os._exit(0 if run_room(room, rooms["rooms"][room], known, options) else 1)
-        passed = os.waitpid(pid, 0)[1] == 0 and passed
-    return 0 if passed else 1
+            os._exit(run_room(room, rooms["rooms"][room], known, options))
+        outcomes.add(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+    # a room without a changed line is passed over, but a name that no room knows has tested nothing
+    return 0 if PASSED in outcomes and outcomes <= {PASSED, NOTHING} else 1
 
 
 if __name__ == "__main__":

@@ -26,15 +26,22 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def offered(folder: Path, line: str) -> set[str]:
+#: where the distribution of a command is not installed
+NO_VALIDATION = """
+from rigctl.cli.catalogue import BY_NAME
+BY_NAME["validate"] = BY_NAME["validate"]._replace(package="rigctl_elsewhere")
+"""
+
+
+def offered(folder: Path, line: str, before: str = "") -> set[str]:
     """What bash is offered at the end of a line."""
     words = line.split(" ")
     asked = {"_RIGCTL_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
     done = subprocess.run(
-        [sys.executable, "-P", "-c", SCRIPT],
+        [sys.executable, "-P", "-c", before + SCRIPT],
         cwd=folder, env={**os.environ, **asked}, capture_output=True, encoding="utf-8", check=False,
     )  # fmt: skip
-    assert done.stderr == ""
+    assert (done.stderr, done.returncode) == ("", 0)
     return {one.partition(",")[-1] or one for one in done.stdout.split("\n") if one}
 
 
@@ -50,10 +57,16 @@ def offered(folder: Path, line: str) -> set[str]:
         ("rigctl model set models/hl32-textbook.yaml moving", {"moving_mass="}),
         ("rigctl effects show piston", {"piston_leakage", "piston_leakage:conductance="}),
         ("rigctl compare nothing --model no/such", set()),
+        ("rigctl no-command la", set()),
     ],
 )
 def test_values_are_completed(bench: Path, line: str, expected: set[str]) -> None:
     assert offered(bench, line) == expected
+
+
+def test_an_error_is_not_printed_at_the_prompt(bench: Path) -> None:
+    assert "--tier" in offered(bench, "rigctl validate --t")
+    assert offered(bench, "rigctl validate --t", NO_VALIDATION) == set()
 
 
 def test_powershell_is_offered_the_same_where_rigctl_runs_as_a_module(bench: Path) -> None:

@@ -141,4 +141,4 @@ def test_without_its_distribution_one_message_says_how_to_install_it(monkeypatch
     monkeypatch.setitem(BY_NAME, "validate", entry)
     said = refusal("validate", "--tier", "quick")
     assert "a package of its own, which is not installed" in said
-    assert "pip install ./rigctl-elsewhere" in said
+    assert "pip install . ./rigctl-elsewhere; with pipx: pipx inject rigctl ./rigctl-elsewhere" in said

@@ -15,21 +15,23 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The environment of a process that sees the wheel's rigctl instead of the checkout's."""
+    """The environment of a process that sees both wheels' packages instead of the checkout's."""
     folder = tmp_path_factory.mktemp("wheel")
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder)]
-    subprocess.run([*build, str(REPOSITORY)], check=True, capture_output=True)
-    (wheel,) = folder.glob("rigctl-*.whl")
+    for source in (REPOSITORY, REPOSITORY / "rigctl-validation"):
+        subprocess.run([*build, str(source)], check=True, capture_output=True)
+    wheels = sorted(map(str, folder.glob("*.whl")))
+    assert len(wheels) == 2
     place = folder / "site"
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place)]
-    subprocess.run([*install, str(wheel)], check=True, capture_output=True)
+    subprocess.run([*install, *wheels], check=True, capture_output=True)
     return {**os.environ, "PYTHONPATH": str(place), "EXPECTED": str(place)}
 
 
-def rigctl(arguments: list[str], folder: Path, environment: dict[str, str]) -> str:
+def rigctl(arguments: list[str], folder: Path, environment: dict[str, str], module: str = "rigctl") -> str:
     """Run the installed command; returns its stdout."""
     done = subprocess.run(
-        [sys.executable, "-m", "rigctl", *arguments],
+        [sys.executable, "-m", module, *arguments],
         cwd=folder, env=environment, capture_output=True, text=True, encoding="utf-8", check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -37,7 +39,10 @@ def rigctl(arguments: list[str], folder: Path, environment: dict[str, str]) -> s
 
 
 def test_the_first_commands_work_from_an_installed_wheel(installed: dict[str, str], tmp_path: Path) -> None:
-    code = "import os, rigctl, pathlib; print(rigctl.__file__.startswith(os.environ['EXPECTED']))"
+    code = (
+        "import os, rigctl, rigctl_validation as other\n"
+        "print(all(one.__file__.startswith(os.environ['EXPECTED']) for one in (rigctl, other)))"
+    )
     seen = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=installed, capture_output=True, text=True, check=True
     )
@@ -57,6 +62,15 @@ def test_the_first_commands_work_from_an_installed_wheel(installed: dict[str, st
     assert "Plotly" in (bench / "page.html").read_text(encoding="utf-8")
     oil = json.loads(rigctl(["oil", "--json"], tmp_path, installed))
     assert oil
+
+
+def test_the_separate_benches_work_from_their_own_wheel(installed: dict[str, str], tmp_path: Path) -> None:
+    assert "--tier" in rigctl(["validate", "--help"], tmp_path, installed)
+    made = rigctl(["motor", "-o", "mine"], tmp_path, installed, module="rigctl_validation.benches")
+    assert "lambda" in made
+    assert {"rig.yaml", "model.yaml"} <= {file.name for file in (tmp_path / "mine").iterdir()}
+    (described,) = Path(installed["PYTHONPATH"]).glob("rigctl_validation-*.dist-info")
+    assert (described / "licenses" / "LICENSE").is_file()
 
 
 def test_a_shipped_procedure_runs_without_a_project(installed: dict[str, str], tmp_path: Path) -> None:

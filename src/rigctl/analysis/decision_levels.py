@@ -1,8 +1,8 @@
 """The levels, thresholds and margins on which verdicts rest, each with what is compared with what.
 
-Every number that decides is defined here; numbers that only set how something is computed (tolerances of a
-fit, sizes of a grid) are defined where it is computed. Quantiles follow from `ALPHA`, and sentences are
-formatted from these numbers.
+Most numbers that decide are defined here, a few beside the one test that uses them; numbers that only set how
+something is computed (tolerances of a fit, sizes of a grid) are defined where it is computed. Quantiles
+follow from `ALPHA`, and sentences are formatted from these numbers.
 
 χ² is the sum of squares of the whitened residuals. An effect *explains* the increase of χ² without it; "mBIC"
 is `rigctl.analysis.mbic.mbic`. "Within the shape tolerance" means with a discrepancy of the law, of standard

@@ -63,7 +63,7 @@ ENTRIES = (
         "validate",
         "command:validate",
         TOOLS,
-        "Measure how often the diagnosis is right.",
+        "Measure how often diagnoses are right (package rigctl-validation).",
         "rigctl_validation",
     ),
     Entry("schema", "schema:schema", TOOLS, "Print the JSON Schema of a kind of file."),

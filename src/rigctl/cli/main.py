@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -77,7 +78,8 @@ def load_command(name: str) -> Any:
         raise RigctlError(
             f"'rigctl {name}' is in a package of its own, which is not installed",
             value=distribution,
-            hint=f"In a clone of rigctl: pip install ./{distribution}",
+            hint=f"In a clone of rigctl: pip install . ./{distribution}; "
+            f"with pipx: pipx inject rigctl ./{distribution}",
         )
     target = getattr(import_module(f"{entry.package}.{module_name}"), attribute)
     if not isinstance(target, typer.Typer):
@@ -163,6 +165,8 @@ def _carry_out() -> None:
     try:
         app(prog_name="rigctl")  # also as `py -m rigctl`, whose own name no shell could complete
     except RigctlError as error:
+        if "_RIGCTL_COMPLETE" in os.environ:
+            return  # a shell that asks for completions has no place to say it
         _refuse(error, as_json=wanted)
     except RecursionError:
         _refuse(RigctlError("the input is nested too deeply"), as_json=wanted)
