@@ -1,4 +1,4 @@
-"""Tables of single values: false alarms for a correct law, and one level for all rows of a setting."""
+"""Tables of single values: a correct law is adequate, and one level for all rows of a setting."""
 
 from __future__ import annotations
 
@@ -40,20 +40,18 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Table]:
     return read
 
 
-def test_a_correct_law_is_rarely_rejected(table: Callable[[str], Table]) -> None:
-    """13 values with 0.7 % noise, estimated from the same 13: at a nominal 1 %."""
+def test_a_correct_law_is_adequate_in_ten_draws_of_the_noise(table: Callable[[str], Table]) -> None:
+    """13 values with 0.7 % noise, estimated from the same 13. Ten draws show no rate of 1 %."""
     model, measured = table("viscosity")
     truth = fit_model(model, measured, noise_of(measured)).outputs
     rng = np.random.default_rng(8)
-    wrong = 0
     for _ in range(10):
         made = tuple(
             replace(record, values=values * np.exp(0.007 * rng.standard_normal(values.shape)))
             for record, values in zip(measured.records, truth, strict=True)
         )
         again = replace(measured, records=made)
-        wrong += not judge(fit_model(model, again, noise_of(again)), "made").adequate
-    assert wrong == 0
+        assert judge(fit_model(model, again, noise_of(again)), "made").adequate
 
 
 def test_relative_noise_refers_to_the_fitted_model(table: Callable[[str], Table]) -> None:
