@@ -216,11 +216,12 @@ def test_unknown_names_are_refused_with_the_nearest_one(
         assert says in refusal("survey", *SHARED, *options)
 
 
-def test_a_condition_with_an_unknown_name_is_refused_before_anything_is_fitted(
+def test_a_condition_with_an_unknown_name_is_refused_before_any_run_is_read(
     year: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigctl.monitoring.survey.fit_problem", None)
-    monkeypatch.setattr("rigctl.monitoring.survey.read_entry", None)
+    """A misspelt name was refused once the measurements of every run had been read."""
+    for read in ("without_copies", "measured", "fit_problem", "read_entry"):
+        monkeypatch.setattr(f"rigctl.monitoring.survey.{read}", None)
     with chdir(year):
         assert "did you mean 'record'" in refusal("survey", *SHARED, "--only", "recrod > 1")
 

@@ -16,7 +16,7 @@ from rigctl.dataset.copies import without_copies
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError, unknown_name
 from rigctl.model.measured.conditions import variable_units
-from rigctl.model.measured.hold_out import check_condition
+from rigctl.model.measured.hold_out import check_condition, require_names
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 from rigctl.monitoring.changed_effect import name_changes, not_diagnosed, parameters_of
@@ -67,6 +67,8 @@ def survey(
         nothing is tested, a name or a column is unknown, or no run can be read.
     """
     report = on_progress or no_progress
+    if only is not None:
+        require_names(only, model, runs)
     shared = _shared(model, share)
     freed = tuple(name for name in model.fitted if name not in shared)
     runs, copies = without_copies(runs)

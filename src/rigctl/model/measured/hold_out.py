@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
-from rigctl.errors import RigctlError
+from rigctl.dataset.run import Run
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.expressions import Expression, ValueType, parse, type_of_unit
 from rigctl.expressions.nodes import Comparison, Constant, Name, walk
-from rigctl.model.measured.conditions import commanded_levels
+from rigctl.model.measured.conditions import START, commanded_levels
 from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.model import Model
 from rigctl.units import show
 
 #: usual names of operating variables, by dimension, whatever the data call them
@@ -33,6 +35,32 @@ def chosen(measurements: Measurements, text: str | None, units: Mapping[str, str
     if text is None or not text.strip():
         return tuple(range(len(measurements.records)))
     return _chosen(measurements, text, units, "no record is chosen by this")
+
+
+def require_names(text: str, model: Model, runs: Sequence[Run]) -> None:
+    """Refuse a condition with a name that no run can have, by the names of columns alone: nothing is read.
+
+    A name that passes may still be none of a record's condition, which `check_condition` knows. The names of
+    a model without a rig are those of the runs' rigs, and pass.
+
+    Raises
+    ------
+    RigctlError
+        a name is in none of the runs, or the text is not an expression.
+    """
+    if model.rig is None:
+        return
+    known = {"record", *model.rig.actuators, *(item.name for item in model.family.inputs)}
+    known.update(called for names in _CALLED.values() for called in names)
+    missing = parse(text).names - known
+    for run in runs:
+        if not missing:
+            return
+        channels = run.layout.channels
+        known.update(run.records.columns, run.layout.commands, channels, (START + name for name in channels))
+        missing -= known
+    if missing:
+        raise unknown_name("name", min(missing), known)
 
 
 def check_condition(measurements: Measurements, text: str, units: Mapping[str, str]) -> None:
