@@ -31,6 +31,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     from rigctl.runner.states_page import run_states_page
 
     yield DOCS / "reference" / "commands.md", commands_page()
+    yield DOCS / "reference" / "dataset.md", dataset_page()
     yield DOCS / "reference" / "python-names.md", api_page()
     yield DOCS / "reference" / "procedure-steps.md", steps_page()
     yield DOCS / "reference" / "rig-file.md", rig_page()
@@ -63,6 +64,24 @@ def commands_page() -> str:
             title = f"rigctl {entry.name} {name}" if nested else f"rigctl {entry.name}"
             parts.append(f"```text\n{_help_of(one, title)}\n```\n")
     return "\n".join(parts)
+
+
+def dataset_page() -> str:
+    """Return the page of the dataset with the fields of ``run.json`` and the columns that they fill."""
+    from rigctl.dataset.run_fields import FIELDS
+
+    fields, columns = "| field | meaning |\n|---|---|\n", "| column | type | in `run.json` |\n|---|---|---|\n"
+    for name, field in FIELDS.items():
+        fields += f"| `{name}` | {field.meaning} |\n"
+        for column in field.columns:
+            place = f"`{name}`" if column.key is None else f"`{column.key}` of `{name}`"
+            columns += f"| `{column.name}` | {column.sql} | {place} |\n"
+    text = _read(DOCS / "reference" / "dataset.md")
+    for title, table in (("run.json", fields), ("columns of runs", columns)):
+        begin, end = f"<!-- {title}: make docs -->\n", f"<!-- end of {title} -->\n"
+        before, rest = text.split(begin)
+        text = before + begin + table + end + rest.split(end)[1]
+    return text
 
 
 def _help_of(command: object, title: str) -> str:

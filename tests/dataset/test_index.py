@@ -14,7 +14,17 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.dataset import RunWriter, annotate, day_folders, exclude, find_run, list_runs, open_run, query
+from rigctl.dataset import (
+    RunHeader,
+    RunWriter,
+    annotate,
+    day_folders,
+    exclude,
+    find_run,
+    list_runs,
+    open_run,
+    query,
+)
 from rigctl.dataset.catalogue import page_of_runs
 from rigctl.dataset.index import file as index_file
 from rigctl.dataset.index.file import index_path, is_indexed
@@ -97,6 +107,21 @@ def test_runs_are_selected_by_metadata_and_channel_ranges(four: list[Path], runs
     for folder in four[:3]:
         (folder / "samples.parquet").unlink()
     assert query("SELECT count(*) FROM samples", runs, where="rows = 5").rows == ((5,),)
+
+
+def test_conditions_queries_and_the_summary_state_the_same_of_a_run(
+    four: list[Path], runs: Path, make_header: Callable[..., RunHeader]
+) -> None:
+    described = make_header("20261125-080000-x", device={"serial_number": "SN-1", "notes": "blue seal"})
+    RunWriter.create(runs, described).close("finished")
+    columns = query("SELECT * FROM runs LIMIT 0", runs).columns
+    for column in columns:
+        stated = query(f'SELECT id FROM runs WHERE "{column}" IS NOT NULL ORDER BY id', runs)  # noqa: S608
+        assert ids(runs, f'"{column}" IS NOT NULL') == [run_id for (run_id,) in stated.rows], column
+    assert ids(runs, "device_notes = 'blue seal'") == ["20261125-080000-x"]
+    assert [run.serial_number for run in list_runs(runs)] == ["", "", "", "", "SN-1"]
+    by_number = page_of_runs(runs, sort="serial_number", descending=False).runs
+    assert by_number[0].serial_number == "SN-1"  # runs without a value are last
 
 
 @pytest.mark.parametrize("busy", [-1.0, 2.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -55,6 +55,10 @@ class RunSummary:
     operator: str = ""
     test: str = ""
     unconfirmed: str = ""
+
+
+#: the facts of a run's row that its summary takes
+_TAKEN: Final = tuple(fact.name for fact in fields(RunSummary) if fact.name != "folder")
 
 
 def runs_folder(runs: Path | None = None) -> Path:
@@ -170,16 +174,8 @@ def _summary_of(runs: Path, row: Mapping[str, Any]) -> RunSummary:
 def _summary_in(folder: Path | StoredFolder, row: Mapping[str, Any]) -> RunSummary:
     if row["status"] == DAMAGED:
         return RunSummary(row["id"], folder, DAMAGED)
-    same = ("id", "status", "procedure", "rig", "duration", "records", "complete_records", "rows")
-    stated = ("notes", "excluded", "serial_number", "part", "test")
-    return RunSummary(
-        folder=folder,
-        source=row["source"] or "",
-        operator=row["operator"] or "",
-        unconfirmed=row["unconfirmed"] or "",
-        started=row["started_as"],
-        **{name: row[name] for name in (*same, *stated)},
-    )
+    facts = {**row, "started": row["started_as"]}
+    return RunSummary(folder=folder, **{name: facts[name] for name in _TAKEN if facts[name] is not None})
 
 
 def place_of(runs: Path, row: Mapping[str, Any]) -> Path:

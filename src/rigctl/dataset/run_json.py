@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset.run_json_shape import foreign_file, wrong_field
+from rigctl.dataset.run_fields import foreign_file, wrong_field
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.files.write import to_json, write_json

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset import journal, records_file, samples_file
 from rigctl.dataset.catalogue import list_runs
-from rigctl.dataset.index.rows import DAMAGED, utc
+from rigctl.dataset.index.rows import DAMAGED
+from rigctl.dataset.run_fields import COLUMNS, column_values
 from rigctl.dataset.run_json import RUNNING, read_info
 from rigctl.dataset.table_columns import open_table
 from rigctl.errors import RigctlError, unknown_name
@@ -38,30 +39,6 @@ _FILES: Final[Mapping[str, tuple[str, str]]] = {
         "time DOUBLE, kind VARCHAR, record INTEGER, path VARCHAR, message VARCHAR, data VARCHAR",
     ),
 }
-#: columns of the view `runs`: name, type, and place in ``run.json``
-_RUN_COLUMNS: Final = (
-    ("id", "VARCHAR", ("id",)),
-    ("status", "VARCHAR", ("status",)),
-    ("unconfirmed", "VARCHAR", ("unconfirmed",)),
-    ("procedure", "VARCHAR", ("procedure", "name")),
-    ("rig", "VARCHAR", ("rig", "name")),
-    ("source", "VARCHAR", ("source",)),
-    ("operator", "VARCHAR", ("operator",)),
-    ("serial_number", "VARCHAR", ("device", "serial_number")),
-    ("part", "VARCHAR", ("device", "part")),
-    ("device_notes", "VARCHAR", ("device", "notes")),
-    ("test", "VARCHAR", ("test", "result")),
-    ("passed", "INTEGER", ("test", "passed")),
-    ("missed", "INTEGER", ("test", "missed")),
-    ("backend", "VARCHAR", ("backend", "kind")),
-    ("seed", "BIGINT", ("seed",)),
-    ("started", "TIMESTAMPTZ", ("started",)),
-    ("ended", "TIMESTAMPTZ", ("ended",)),
-    ("duration", "DOUBLE", ("duration",)),
-    ("records", "INTEGER", ("records",)),
-    ("complete_records", "INTEGER", ("complete_records",)),
-    ("rows", "BIGINT", ("rows",)),
-)
 #: interval of checks for Ctrl-C during a query, s; an unlimited wait ignores it on Windows
 _LOOK: Final = 0.2
 #: largest answer, bytes, and rows that are counted at a time
@@ -263,10 +240,9 @@ def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Datas
 
 
 def _make_runs(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[str, Any]]) -> None:
-    columns = ", ".join(f'"{name}" {kind}' for name, kind, _ in _RUN_COLUMNS)
+    columns = ", ".join(f'"{name}" {kind}' for name, kind in COLUMNS.items())
     connection.execute(f"CREATE TABLE runs ({columns})")
-    rows = [[_cell(info, path, kind) for _, kind, path in _RUN_COLUMNS] for info in infos]
-    _insert(connection, "runs", rows)
+    _insert(connection, "runs", [tuple(column_values(info).values()) for info in infos])
 
 
 def _make_units(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[str, Any]]) -> None:
@@ -293,14 +269,6 @@ def _plain(value: Any) -> Any:
     if not isinstance(value, Decimal):
         return value
     return int(value) if value == value.to_integral_value() else float(value)
-
-
-def _cell(info: Mapping[str, Any], path: Sequence[str], kind: str) -> Any:
-    """Return a value of ``run.json`` for a column of this type."""
-    value: Any = info
-    for key in path:
-        value = value.get(key) if isinstance(value, Mapping) else None
-    return utc(value) if kind == "TIMESTAMPTZ" else value
 
 
 def _refuse(connection: duckdb.DuckDBPyConnection, problem: Exception) -> NoReturn:

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rigctl.dataset import run_json, samples_file
 from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.parquet import open_parquet
+from rigctl.dataset.run_fields import column_values
 from rigctl.dataset.run_order import is_run, order_of
 from rigctl.dataset.run_status import status_of
 from rigctl.dataset.storage.store import StorageSilent, StoredFolder
 from rigctl.errors import RigctlError
 
-#: an instant in the format of `utc`
-_CANONICAL = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{6})?\+00:00")
 #: states in which a run may still change by itself
 OPEN = (run_json.RUNNING, "unclosed")
 DAMAGED = "damaged"
@@ -60,13 +57,13 @@ def file_state(folder: Path | str) -> FileState | None:
 
 def read_row(folder: Path, shard: str, state: FileState, *, channels: bool = True) -> Row:
     """Return a run's row; an unreadable run is marked as damaged."""
-    values: dict[str, Any] = {"id": folder.name, "shard": shard, **state._asdict()}
+    values: dict[str, Any] = {"shard": shard, **state._asdict()}
     try:
         info = run_json.read_info(folder)
         values |= facts_of(info) | {"status": status_of(folder, info)}
     except RigctlError:
         info, values["status"] = {}, DAMAGED
-    values["open"] = values["status"] in OPEN
+    values |= {"id": folder.name, "open": values["status"] in OPEN}
     values |= order_of(folder, info)._asdict()
     closed = channels and not values["open"] and bool(info)
     return Row(values, ranges_of(folder, info) if closed else ())
@@ -78,38 +75,22 @@ def stored_row(folder: StoredFolder, info: Mapping[str, Any] | None, state: tupl
     `state` is the size of ``run.json`` there, and the storage's version mark.
     """
     size, tag = state
-    values: dict[str, Any] = {"id": folder.name, "shard": "", "open": False, "number": 1}
-    values |= {"size": size, "mtime": tag, "second": folder.name[:15], "began": "", "status": DAMAGED}
+    values: dict[str, Any] = {"status": DAMAGED, "began": ""}
     if info is not None:
-        values |= facts_of(info) | {"began": str(info.get("started", "")), "status": info["status"]}
-    return Row(values, ())
+        values = facts_of(info) | {"began": str(info.get("started", ""))}
+    values |= {"id": folder.name, "shard": "", "open": False, "number": 1}
+    return Row(values | {"size": size, "mtime": tag, "second": folder.name[:15]}, ())
 
 
 def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the index columns of a run from its ``run.json``, except the status."""
+    """Return the index columns of a run from its ``run.json``."""
     annotations = [Annotation(**statement) for statement in info.get("annotations", ())]
-    same = ("unconfirmed", "source", "operator", "seed", "duration", "records", "complete_records", "rows")
     return {
-        **{name: info.get(name) for name in same},
-        "procedure": info["procedure"]["name"],
-        "rig": info["rig"]["name"],
-        "backend": info.get("backend", {}).get("kind"),
-        "started": utc(info["started"]),
+        **column_values(info),
         "started_as": info["started"],
-        "ended": utc(info.get("ended")),
         "notes": sum(statement.kind == "note" for statement in annotations),
         "excluded": len(excluded_records(annotations)),
-        **{name: info.get("device", {}).get(name, "") for name in ("serial_number", "part")},
-        "test": info.get("test", {}).get("result", ""),
-        **{name: info.get("test", {}).get(name) for name in ("passed", "missed")},
     }
-
-
-def utc(text: str | None) -> str | None:
-    """Format an instant in UTC, so that texts sort by time."""
-    if text is None or _CANONICAL.fullmatch(text):
-        return text
-    return datetime.fromisoformat(text).astimezone(UTC).isoformat()
 
 
 def ranges_of(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:

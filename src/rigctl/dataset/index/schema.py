@@ -5,33 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from rigctl.dataset.run_fields import COLUMNS
+
 #: version of the tables below; an index of another version is rebuilt
-VERSION: Final = 3
-#: columns of a run for filters: those of `rigctl runs sql`, and its annotations
-RUN_COLUMNS: Final = (
-    "id",
-    "status",
-    "unconfirmed",
-    "procedure",
-    "rig",
-    "source",
-    "operator",
-    "backend",
-    "seed",
-    "started",
-    "ended",
-    "duration",
-    "records",
-    "complete_records",
-    "rows",
-    "notes",
-    "excluded",
-    "serial_number",
-    "part",
-    "test",
-    "passed",
-    "missed",
-)
+VERSION: Final = 4
+#: columns of a run for filters: those of `rigctl runs sql`, and what its annotations count
+RUN_COLUMNS: Final = (*COLUMNS, "notes", "excluded")
 #: its folder, whether it is still open, its start as text, its order, the version of its file
 INNER_COLUMNS: Final = ("shard", "open", "started_as", "second", "began", "number", "size", "mtime")
 CHANNEL_COLUMNS: Final = ("run", "name", "unit", "kind", "low", "high")
