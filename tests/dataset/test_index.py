@@ -116,7 +116,7 @@ def test_conditions_queries_and_the_summary_state_the_same_of_a_run(
     RunWriter.create(runs, described).close("finished")
     columns = query("SELECT * FROM runs LIMIT 0", runs).columns
     for column in columns:
-        stated = query(f'SELECT id FROM runs WHERE "{column}" IS NOT NULL ORDER BY id', runs)  # noqa: S608
+        stated = query(f'SELECT id FROM runs WHERE "{column}" IS NOT NULL ORDER BY id', runs)
         assert ids(runs, f'"{column}" IS NOT NULL') == [run_id for (run_id,) in stated.rows], column
     assert ids(runs, "device_notes = 'blue seal'") == ["20261125-080000-x"]
     assert [run.serial_number for run in list_runs(runs)] == ["", "", "", "", "SN-1"]
