@@ -14,6 +14,7 @@ import typer
 
 from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import RigctlError
+from rigctl.wording import noun
 
 if TYPE_CHECKING:
     from rigctl.dataset import Run
@@ -167,10 +168,10 @@ def _stuck(run: Run | None) -> list[str]:
 def _report_test(test: Judgement) -> None:
     """Report whether the device has passed, and every limit that it missed."""
     count, missed = len(test.measures), test.missed
-    measures = "measure" if count == 1 else "measures"
+    measures, its = noun(count, "measure"), noun(count, "its", "their")
     if not missed:
         ended = "" if test.result == "pass" else ", and the run did not come to its end"
-        within = f"{count} {measures} within {'its' if count == 1 else 'their'} limits{ended}"
+        within = f"{count} {measures} within {its} limits{ended}"
         typer.secho(f"{test.result.upper()}: {within}", fg=typer.colors.GREEN if not ended else None)
         return
     typer.secho(f"FAIL: {len(missed)} of {count} {measures} outside the limits", fg=typer.colors.RED)

@@ -25,6 +25,7 @@ from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 from rigctl.json_values import parse_json
 from rigctl.notebook import one_line
 from rigctl.units import parse_unit
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -132,7 +133,7 @@ class Run:
         bench = f" on '{self.header.rig.name}'" if self.header.rig.name else ""
         return (
             f"{self.id} {self.info['status']}, '{self.header.procedure.name}'{bench}, "
-            f"{count} record{'' if count == 1 else 's'}, {rows} sample{'' if rows == 1 else 's'}{reason}"
+            f"{number_of(count, 'record')}, {number_of(rows, 'sample')}{reason}"
         )
 
     def _repr_html_(self) -> str:

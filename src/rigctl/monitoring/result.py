@@ -15,6 +15,7 @@ from rigctl.monitoring.evaluation import Reading
 from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -104,9 +105,9 @@ class Survey:
         """The findings, in one or more sentences."""
         count = len(self.read)
         tests = sum(one.found is not None for one in self.judged.tested)
-        what = f"{count} run{'' if count == 1 else 's'}"
+        what = number_of(count, "run")
         if tests:  # otherwise it is the number of runs that is too small
-            what += f", {tests} quantit{'y' if tests == 1 else 'ies'}"
+            what += f", {number_of(tests, 'quantity', 'quantities')}"
         if self.changes:
             return ". ".join(self.sentence(change) for change in self.changes)
         if not self.judged.enough:

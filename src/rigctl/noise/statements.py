@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel
 from rigctl.units import significant
+from rigctl.wording import number_of
 
 _FROM = {
     "replicates": "differences between replicates and quiet stretches",
@@ -112,7 +113,7 @@ def recounted(noise: NoiseModel, masked: Sequence[int], edges: Sequence[int]) ->
 
 
 def _spikes(count: int) -> str:
-    return f"{count} {'spike' if count == 1 else 'spikes'} masked"
+    return f"{number_of(count, 'spike')} masked"
 
 
 def _recount(statement: str, before: int, after: int) -> str:

@@ -11,6 +11,7 @@ from rigctl.planning.limits import LimitUse
 from rigctl.planning.preview import Preview, PreviewNode
 from rigctl.printable import printable
 from rigctl.units import show
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -40,7 +41,7 @@ def outline(
     """
     plan = preview.plan
     yield _line(plan.name, "bold", f" on {plan.rig.name}")
-    records = f"{preview.records} record{'' if preview.records == 1 else 's'}"
+    records = number_of(preview.records, "record")
     more = " or more" if preview.open_ended else ""
     yield _line(
         f"{records}{more}, {preview.samples} samples, {_MARKS[preview.basis]}{clock_time(preview.seconds)}",
@@ -135,9 +136,7 @@ def _summary(points: Sequence[PreviewNode]) -> Text:
     labels = [point.label for point in points]
     named = ", ".join(labels) if len(labels) <= 3 else f"{labels[0]} … {labels[-1]}"
     text = f"{len(points)} more: {named}  {_MARKS[max(p.basis for p in points)]}{clock_time(seconds)}"
-    return Text(
-        printable(f"{text}, {records} record{'' if records == 1 else 's'}" if records else text), "dim"
-    )
+    return Text(printable(f"{text}, {number_of(records, 'record')}" if records else text), "dim")
 
 
 def _limits(preview: Preview) -> Iterator[Text]:

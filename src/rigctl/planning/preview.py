@@ -16,6 +16,7 @@ from rigctl.planning.board_loops import not_on_board
 from rigctl.planning.limits import LimitUse, limits_used
 from rigctl.planning.rates import too_fast
 from rigctl.rig import Rig
+from rigctl.wording import number_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +72,7 @@ class Preview:
 
     def summary(self) -> str:
         """One line: how many records, and how long it is expected to take."""
-        return (
-            f"{self.plan.name}: {self.records} record{'' if self.records == 1 else 's'}, {self.seconds:.3g} s"
-        )
+        return f"{self.plan.name}: {number_of(self.records, 'record')}, {self.seconds:.3g} s"
 
     @property
     def start_readings(self) -> Mapping[str, float]:

@@ -21,6 +21,7 @@ from rigctl.plan.identity import IdentityFields
 from rigctl.plan.step import Cleanup
 from rigctl.project import find_project
 from rigctl.steps.registry import AnyStep
+from rigctl.wording import number_of
 
 
 class ProcedureFile(Cleanup):
@@ -55,7 +56,7 @@ class Procedure:
 
     def __repr__(self) -> str:
         """The name and the number of steps, on one line."""
-        return one_line(self, f"{self.name}: {len(self.steps)} step{'' if len(self.steps) == 1 else 's'}")
+        return one_line(self, f"{self.name}: {number_of(len(self.steps), 'step')}")
 
     @property
     def name(self) -> str:

@@ -18,6 +18,7 @@ from rigctl.report.answer import Answer, Tone, error_text, fit_text, nonempty, p
 from rigctl.report.everyday_units import everyday
 from rigctl.report.systematic import falls, left_of, lefts_of_diagnosis
 from rigctl.units import parse_unit, significant
+from rigctl.wording import listed, number_of
 
 _TONES: dict[Verdict, Tone] = {
     Verdict.ADEQUATE: "good",
@@ -129,7 +130,7 @@ def _close(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 def _alike(diagnosis: Diagnosis) -> str:
     """What the data cannot distinguish from the effects of an ambiguous verdict; "" if it is not that."""
-    pairs = [f"{first} from {_listed(others)}" for first, *others in _close(diagnosis)]
+    pairs = [f"{first} from {listed(others, 'or')}" for first, *others in _close(diagnosis)]
     return f"these data cannot distinguish {', nor '.join(pairs)}" if pairs else ""
 
 
@@ -147,10 +148,6 @@ def _not_distinguished(steps: Sequence[Step]) -> str:
     """By which effects the additions could be replaced: the most probable was added."""
     texts = dict.fromkeys(_alike(step.diagnosis) for step in steps)
     return "; ".join(text for text in texts if text)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def _size_head(diagnosis: Diagnosis) -> str:
@@ -210,7 +207,7 @@ def _sureness(diagnosis: Diagnosis) -> str:
         parts.append(f"next best {others[0].effect}, {100.0 * others[0].probability:.1f} %")
     against = sum(one.startswith("against ") for one in diagnosis.further_evidence)
     if against:
-        parts.append(f"{against} point{'s' if against > 1 else ''} of evidence against it")
+        parts.append(f"{number_of(against, 'point')} of evidence against it")
     return "; ".join(parts)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from datetime import datetime
 
 from rigctl.units import significant
+from rigctl.wording import noun
 
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -129,9 +130,9 @@ def moment(text: str | None) -> str:
     return when.strftime("%Y-%m-%d %H:%M:%S ") + (when.tzname() or "") if when.tzinfo else when.isoformat(" ")
 
 
-def plural(count: int, noun: str, nouns: str | None = None) -> str:
+def plural(count: int, one: str, several: str | None = None) -> str:
     """``1 record``, ``28 records``."""
-    return f"{whole(count)} {noun if count == 1 else nouns or noun + 's'}"
+    return f"{whole(count)} {noun(count, one, several)}"
 
 
 def whole(count: int) -> str:

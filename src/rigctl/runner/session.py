@@ -35,6 +35,7 @@ from rigctl.runner.snapshot import View
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.step_errors import ending_for
 from rigctl.runner.walk import Walker
+from rigctl.wording import number_of
 
 #: s of bench time for trying to reach a lost bench at the end
 LAST_TRY = 3.0
@@ -83,7 +84,7 @@ class RunResult:
         reason = f": {self.reason}" if self.reason else ""
         if self.folder is None:
             return f"{self.status}{reason}"
-        counted = f"{self.records} record{'' if self.records == 1 else 's'}"
+        counted = number_of(self.records, "record")
         return f"{self.folder.name} {self.status}, {counted}{reason}"
 
 

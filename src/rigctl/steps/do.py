@@ -7,6 +7,7 @@ from typing import ClassVar
 from rigctl.plan.context import Context
 from rigctl.plan.step import Block
 from rigctl.plan.tree import Group
+from rigctl.wording import number_of
 
 
 class DoStep(Block):
@@ -20,5 +21,5 @@ class DoStep(Block):
     def build(self, context: Context) -> Group:
         """Return a `Group` with its cleanup."""
         count = len(self.do)
-        label = f"do {count} step{'s' if count > 1 else ''}"
+        label = f"do {number_of(count, 'step')}"
         return context.block(self.do, "do", label=label, cleanup=self)

@@ -18,6 +18,7 @@ from rigctl.plan.tree import Group, GroupKind
 from rigctl.plan.value_text import shown_bindings
 from rigctl.plan.values import COUNT, MARK, AnyDifference, AnyValue, Count, Seed
 from rigctl.units import Quantity
+from rigctl.wording import number_of
 
 
 class Spaced(Part):
@@ -114,7 +115,7 @@ class ForStep(Block):
                 raise self._at_list(context, point, error) from None
             iterations.append(block)
         names = " and ".join(self.for_)
-        points_of = f"{len(points)} point{'' if len(points) == 1 else 's'}"
+        points_of = number_of(len(points), "point")
         return context.collect(
             iterations, label=f"for {names}: {points_of}", kind=GroupKind.FOR, cleanup=self
         )

@@ -10,6 +10,7 @@ from rigctl.backends.arduino.translation import Translation
 from rigctl.backends.protocol import CommandReceipt, Sample
 from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
+from rigctl.wording import number_of
 
 _NUMBERS = 1 << 16
 _FIRST_NUMBERS = 4096  # sequence numbers taken as those of a new stream: 2 s at the highest rate
@@ -60,7 +61,7 @@ class Receiver:
             self._take_reading(board, line.readings.popleft())
         if line.damaged > self._damaged:
             more, self._damaged = line.damaged - self._damaged, line.damaged
-            self._outbox.notice("note", f"{more} damaged line{'' if more == 1 else 's'} left out", lines=more)
+            self._outbox.notice("note", f"{number_of(more, 'damaged line')} left out", lines=more)
             if not self._told_of_damage and line.damaged - self._damaged_when_heard >= _NOTHING_ELSE:
                 self._told_of_damage = True
                 self._outbox.notice("fault", "what arrives from the board are damaged lines only")

@@ -13,6 +13,7 @@ from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Query, Rig
 from rigctl.rig.line_pattern import read_number
+from rigctl.wording import number_of
 
 _SLACK = 1e-6  # s; the times of a grid are sums of rounded numbers
 
@@ -156,7 +157,6 @@ class Poll:
         self._stray = talk.stray
         if more > 0:
             last = "" if more == len(talk.stray_texts) else ", the last"
-            several = "s" if more > 1 else ""
-            message = f"{more} line{several} that nobody asked for{last}: {', '.join(talk.stray_texts)}"
+            message = f"{number_of(more, 'line')} that nobody asked for{last}: {', '.join(talk.stray_texts)}"
             talk.stray_texts.clear()
             self._outbox.notice("note", message, lines=more)

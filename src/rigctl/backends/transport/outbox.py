@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from rigctl.backends.protocol import CommandReceipt, Notice, Sample
 from rigctl.clock import Clock
+from rigctl.wording import number_of
 
 
 class Outbox:
@@ -41,7 +42,7 @@ class Outbox:
 
     def gap(self, missing: int, *, cause: str = "", switched_off: Sequence[str] = ()) -> None:
         """Add the notice of a gap, with the actuators that went to their safe value without a command."""
-        text = f"{missing} sample{'' if missing == 1 else 's'} missing before {self._clock.now():.3f} s"
+        text = f"{number_of(missing, 'sample')} missing before {self._clock.now():.3f} s"
         if cause:
             text += f": {cause}"
         if not switched_off:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.wording import number_of
 
 #: forms of an exported run besides tables
 _FORMS = ("junit", "ro-crate")
@@ -90,7 +91,7 @@ def export(
             facts = {"runs": list(opened_all), "path": path.as_posix(), "form": form, "files": files}
             echo_json(to_json(facts))
         else:
-            runs_text = f"{len(opened_all)} run{'' if len(opened_all) == 1 else 's'}"
+            runs_text = number_of(len(opened_all), "run")
             echo(f"{path.as_posix()}: {runs_text}, {files} files")
         return
     opened = open_run(_only(runs, licence, title))

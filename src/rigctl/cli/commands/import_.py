@@ -13,6 +13,7 @@ from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.progress import progress_display
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     from rigctl.dataset.importing import Imported
@@ -317,5 +318,5 @@ def _report_import(done: Imported, file: Path) -> None:
         echo(f"left out: {done.left_out - _TOLD} more rows, see the run's events", err=True)
     for note in done.notes:
         echo(f"note: {note}", err=True)
-    records = f"{done.records} record{'' if done.records == 1 else 's'}"
+    records = number_of(done.records, "record")
     echo(f"{records}, {done.rows} rows in {done.path.as_posix()}", err=True)

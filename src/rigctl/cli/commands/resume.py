@@ -8,6 +8,7 @@ import typer
 
 from rigctl.cli.echo import echo
 from rigctl.cli.options.family import FamilyOption
+from rigctl.wording import number_of
 
 
 def resume(
@@ -45,7 +46,7 @@ def resume(
     header = before.history.header
     kind = header.backend.get("kind", before.plan.rig.backend.kind)
     given = bench_options(kind, before.plan.rig, port=port or header.options.get("port"), seed=header.seed)
-    echo(f"{header.id}: {before.left} record{'' if before.left == 1 else 's'} left", err=True)
+    echo(f"{header.id}: {number_of(before.left, 'record')} left", err=True)
     how = Launch(
         runs=runs_root(before.folder),
         operator=AutomaticOperator(),

@@ -13,6 +13,7 @@ from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.printable import printable
 from rigctl.units import significant
+from rigctl.wording import noun
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -378,10 +379,10 @@ def _test(test: Mapping[str, Any]) -> str:
     if result in (None, "none") or not (passed or missed):
         return ""
     total = passed + missed
-    measures = "measure" if total == 1 else "measures"
+    measures, its = noun(total, "measure"), noun(total, "its", "their")
     if missed:
-        return f"{result}, {missed} of {total} {measures} outside {'its' if total == 1 else 'their'} limits"
-    return f"{result}, {total} {measures} within {'its' if total == 1 else 'their'} limits"
+        return f"{result}, {missed} of {total} {measures} outside {its} limits"
+    return f"{result}, {total} {measures} within {its} limits"
 
 
 def _source(source: Mapping[str, str]) -> str:

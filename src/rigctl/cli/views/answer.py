@@ -8,6 +8,7 @@ from rich.markup import escape
 
 from rigctl.cli.tables import console
 from rigctl.report.answer import Answer
+from rigctl.wording import number_of
 
 _COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "bright_black"}
 _WIDTH = 11
@@ -40,8 +41,6 @@ def show_first(sentences: Sequence[str]) -> None:
         console().print(f"[bold yellow]{escape(sentence)}.[/]", soft_wrap=True)
 
 
-def counted(number: int, noun: str, nouns: str = "") -> list[str]:
+def counted(number: int, noun: str, nouns: str | None = None) -> list[str]:
     """``["4 notes"]``; nothing of none."""
-    if not number:
-        return []
-    return [f"{number} {noun if number == 1 else nouns or noun + 's'}"]
+    return [number_of(number, noun, nouns)] if number else []

@@ -24,6 +24,7 @@ from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.files.write import write_error
 from rigctl.printable import shown_path
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     from rigctl.dataset.run import Run
@@ -164,8 +165,7 @@ def _description(runs: Sequence[Run]) -> str:
     benches = ", ".join(dict.fromkeys(str(run.info["rig"]["name"]) for run in runs))
     records = sum(int(run.info["records"]) for run in runs)
     return (
-        f"{len(runs)} run{'' if len(runs) == 1 else 's'} with {records} record{'' if records == 1 else 's'} "
-        f"on {benches}, recorded by rigctl"
+        f"{number_of(len(runs), 'run')} with {number_of(records, 'record')} on {benches}, recorded by rigctl"
     )
 
 

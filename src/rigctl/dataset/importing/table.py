@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from rigctl.errors import ExitCode, Location, RigctlError, SeveralErrors
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -208,7 +209,7 @@ def refuse(path: Path, faults: Sequence[Fault], count: int, *, imports: bool = T
             "unit, and 'low' and 'high' in the rig file are the limits"
         )
     more = count - len(listed)
-    rest = f"{count} bad row{'' if count == 1 else 's'}" + (f", {more} of them not listed" if more else "")
+    rest = number_of(count, "bad row") + (f", {more} of them not listed" if more else "")
     listed.append(
         RigctlError(
             f"nothing was imported: {rest}",

@@ -32,6 +32,7 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.switch_scan import with_best_switches
 from rigctl.model.model import Model
 from rigctl.notebook import as_html, one_line
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -185,8 +186,8 @@ class FitResult:
         """One line: the model, its free parameters, the records, and the misfit beside the noise."""
         free = 0 if self.solution is None else len(self.solution.unknowns)
         return (
-            f"{self.problem.model.name}: {free} parameter{'' if free == 1 else 's'} fitted to "
-            f"{len(self.fitted)} record{'' if len(self.fitted) == 1 else 's'}, "
+            f"{self.problem.model.name}: {number_of(free, 'parameter')} fitted to "
+            f"{number_of(len(self.fitted), 'record')}, "
             f"chi² reduced {self.chi2_reduced:.3g}"
         )
 
@@ -436,7 +437,7 @@ def _check_enough(problem: Problem) -> None:
         names = ", ".join(free)
         records = len(problem.records)
         raise RigctlError(
-            f"{values} measured value{'' if values == 1 else 's'} of {records} "
+            f"{number_of(values, 'measured value')} of {records} "
             f"record{'' if records == 1 else 's'} cannot determine {wanted} parameters: {names}",
             hint="Fit fewer ('fit: false' in the model file), or bring more records",
         )

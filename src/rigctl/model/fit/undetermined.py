@@ -19,6 +19,7 @@ from rigctl.engine.least_squares.identifiability import Combination
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.reached_bounds import ReachedBound
 from rigctl.units import interval_unit, parse_unit
+from rigctl.wording import listed, noun
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ class Undetermined:
         fix = f"fix or measure {count} of {', '.join(self.fixable)}"
         if self.acting:
             acts = "acts" if len(self.acting) == 1 else "act"
-            return f"only {_listed(self.acting)} {acts}: {fix}"
+            return f"only {listed(self.acting)} {acts}: {fix}"
         return f"these data do not determine {names} one by one, only {_only(self)}: {fix}"
 
     def document(self) -> dict[str, Any]:
@@ -194,8 +195,4 @@ def _sum(parts: Sequence[tuple[str, int]]) -> str:
 
 def _only(one: Undetermined) -> str:
     count = len(one.parameters) - one.spare
-    return f"{_COUNTS.get(count, count)} combination{'' if count == 1 else 's'} of them"
-
-
-def _listed(texts: Sequence[str]) -> str:
-    return " and ".join(texts) if len(texts) < 3 else f"{', '.join(texts[:-1])} and {texts[-1]}"
+    return f"{_COUNTS.get(count, count)} {noun(count, 'combination')} of them"

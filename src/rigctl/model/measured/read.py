@@ -33,6 +33,7 @@ from rigctl.model.model import Model
 from rigctl.model.reading_errors import ReadingError, calibration_errors, clock_errors
 from rigctl.rig.rig import Rig
 from rigctl.units import show
+from rigctl.wording import number_of
 
 #: least number of samples of a record
 _FEWEST_SAMPLES = 5
@@ -271,7 +272,7 @@ def _require_records(records: Sequence[MeasuredRecord], runs: Sequence[Run]) -> 
         every = sum(int(run.info["records"]) for run in runs)
         usable = sum(len(run.usable) for run in runs)
         raise RigctlError(
-            f"no record of {_ids(runs)} can be used: of {_count(every, 'record')} {every - usable} are "
+            f"no record of {_ids(runs)} can be used: of {number_of(every, 'record')} {every - usable} are "
             f"incomplete or excluded, and {usable} have no value or fewer than {_FEWEST_SAMPLES} samples",
             hint="'rigctl runs show' lists them",
         )
@@ -284,7 +285,7 @@ def _too_short(run: Run, used: int) -> list[str]:
     return (
         []
         if not count
-        else [f"{_count(count, 'record')} of {run.id} left out: fewer than {_FEWEST_SAMPLES} samples"]
+        else [f"{number_of(count, 'record')} of {run.id} left out: fewer than {_FEWEST_SAMPLES} samples"]
     )
 
 
@@ -307,7 +308,3 @@ def _unrecorded(names: Sequence[str]) -> list[str]:
 
 def _ids(runs: Sequence[Run]) -> str:
     return ", ".join(run.id for run in runs)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
