@@ -62,6 +62,7 @@ class Course:
             times=times,
             switch_times=self.switch_times,
             switch_half=np.zeros(self.switch_times.size),
+            switch_jitter=measurements.jitter_of(self.inputs),
             inputs=self.inputs,
             values=values,
             condition={},
@@ -248,8 +249,8 @@ def predicted_of(
 
 
 def scatters(one: LocalUnknown) -> bool:
-    """Whether an unknown differs from record to record by chance, as a setting or a zero does."""
-    return one.kind == "parameter" and one.unknown.prior is not None
+    """Whether an unknown differs from record to record by chance, as a setting or a switch time does."""
+    return one.kind != "start" and one.unknown.prior is not None
 
 
 def _expected(unknowns: Sequence[LocalUnknown]) -> Floats:

@@ -17,6 +17,7 @@ import numpy as np
 
 from rigctl.effects.declaration import Effect, EffectParameter, Own, qualified
 from rigctl.engine.symbols import Scalar, constant_like, exp
+from rigctl.physics.derived_slots import input_slot
 from rigctl.physics.families import of_shipped
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
@@ -162,6 +163,36 @@ class RecordLevel:
         effect = replace(self.effect, parameters=(*self.effect.parameters, *parameters))
         return replace(self, effect=effect, inputs=tuple(one.name for one in parameters))
 
+    def with_repeatability(self, inputs: Mapping[str, float], family: ModelFamily) -> RecordLevel:
+        """With a relative error e of each of these inputs of a user's family, ``u·(1 + e)``, in each record.
+
+        Parameters
+        ----------
+        inputs: the standard deviation of each.
+        """
+        slots = {slot.name for slot in family.slots}
+        acting = {name: std for name, std in inputs.items() if std > 0.0 and input_slot(name) in slots}
+        if self.effect is None or not acting:
+            return self
+        effect = replace(
+            self.effect,
+            terms=(*self.effect.terms, *((input_slot(name), partial(_off, name)) for name in acting)),
+            parameters=(
+                *self.effect.parameters,
+                *(
+                    EffectParameter(
+                        _error_of(name), "%", 0.0, 1e-3, -0.9, 0.9, f"error of the setting of {name}"
+                    )
+                    for name in acting
+                ),
+            ),
+        )
+        quantities = (
+            Quantity(_error_of(name), f"error of the setting of {name}", partial(_stated, std))
+            for name, std in acting.items()
+        )
+        return replace(self, effect=effect, quantities=(*self.quantities, *quantities))
+
     @property
     def null(self) -> dict[str, dict[str, float]]:
         """The effect with its parameters at their null, in the form used to build a system."""
@@ -170,6 +201,18 @@ class RecordLevel:
 
 def _setting_name(k: int) -> str:
     return f"setting_{k + 1}"
+
+
+def _error_of(name: str) -> str:
+    return f"setting_of_{name}"
+
+
+def _off(name: str, m: Scope, p: Own) -> Scalar:
+    return m[name] * p[_error_of(name)]
+
+
+def _stated(std: float, _: Rig | None) -> float:
+    return std
 
 
 def _set(name: str, points: Sequence[float], width: float, m: Scope, p: Own) -> Scalar:

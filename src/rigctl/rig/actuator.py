@@ -36,6 +36,10 @@ class Actuator(Part):
     repeatability: Annotated[float, Q("1", low="0 %")] | None = Field(
         default=None, description="relative standard deviation of a repeated setting of a level"
     )
+    jitter: Annotated[float, Q("s", low="0 s")] = Field(
+        default=0.0,
+        description="standard deviation of the time from a command to its action, e.g. '5 ms'",
+    )
     max_rate: AnyRate | None = Field(
         default=None,
         description="fastest change of a level that a step may command: 'set' then takes its time; the safe "

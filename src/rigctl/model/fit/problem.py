@@ -24,7 +24,7 @@ from rigctl.model.build import build_system, superset
 from rigctl.model.fit.clocks import STEP, ReadTimes, as_dated, moved_ramps, read_times
 from rigctl.model.fit.readings import as_read
 from rigctl.model.fit.recent import ROOM, Evaluated, Recent, point_of
-from rigctl.model.fit.settings import level_of_rows
+from rigctl.model.fit.settings import level_of_rows, repeatability
 from rigctl.model.fit.slopes import simulate_soundly
 from rigctl.model.fit.switching import (
     HABITS,
@@ -611,6 +611,7 @@ def make_problem(
     """
     level, settings = level_of_rows(record_level(model.family), measurements)
     level = level.with_inputs(list(measurements.unrecorded), model.family)
+    level = level.with_repeatability(repeatability(measurements, model.family), model.family)
     effects = {name: {p: value.si for p, value in values.items()} for name, values in model.effects.items()}
     everything = superset(model.family, effects, model.own_effects) if library else effects
     compiled = _compiled(_definition(model, everything, level, measurements), progress)

@@ -1,5 +1,6 @@
-"""An unknown for each setting of a table: the error of the setting, shared by the rows set alike.
+"""Settings that do not repeat exactly, as unknowns: of each setting of a table, and of each record.
 
+Of a table there is one for each setting, the error of the setting, shared by the rows set alike.
 A gauge with an error, or a valve turned slightly too far, shifts all rows of one setting alike. It does not
 affect the changes at a fixed setting, which such a table determines well.
 """
@@ -14,8 +15,10 @@ from rigctl.dataset.conditions import cluster
 from rigctl.effects.record_level import RecordLevel, Setting
 from rigctl.engine.least_squares import Unknown
 from rigctl.model.fit.unknowns import setting_unknowns
+from rigctl.model.inputs import input_sources
 from rigctl.model.measured.record import Measurements
 from rigctl.model.measured.table import column, set_variable
+from rigctl.physics.family import ModelFamily
 
 #: set values that differ by less than this share of the largest are one setting
 _SAME = 0.01
@@ -33,6 +36,19 @@ def level_of_rows(level: RecordLevel, measurements: Measurements) -> tuple[Recor
         return level, []
     extended = level.with_settings(points.tolist())
     return extended, setting_unknowns(extended, setting_std(measurements, level.setting))
+
+
+def repeatability(measurements: Measurements, family: ModelFamily) -> dict[str, float]:
+    """The relative standard deviations of inputs that are set anew for each record, where the rig file states
+    one of the single level that sets an input."""
+    rig = measurements.rig
+    if rig is None or not family.generic:
+        return {}
+    return {
+        source.input: rig.actuators[source.actuators[0][0]].repeatability or 0.0
+        for source in input_sources(family, rig)
+        if len(source.actuators) == 1 and source.input not in measurements.unrecorded
+    }
 
 
 def set_values(measurements: Measurements, setting: Setting) -> np.ndarray:

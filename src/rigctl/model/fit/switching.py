@@ -12,6 +12,9 @@ short as the sampling interval that is a poor approximation: if with up to a hun
 to the white floor of the noise, they are unknowns (`MeasuredRecord.separate_switches`), which costs a
 simulation several times as much. Commands that change with most of the samples have one habit, and no d but
 one for all of them (`MeasuredRecord.streamed`).
+
+An actuator whose rig file states a ``jitter`` acts each time at a time of its own, also if commands were
+recorded exactly: d then has that variance too, and a normal prior.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from numpy.typing import NDArray
 from rigctl.effects.declaration import qualified
 from rigctl.effects.record_level import RECORD, SWITCHING
 from rigctl.engine.least_squares import Prior, Unknown
-from rigctl.model.measured.record import MeasuredRecord, Measurements
+from rigctl.model.measured.record import UNIFORM, MeasuredRecord, Measurements
 
 Floats = NDArray[np.float64]
 
@@ -38,8 +41,8 @@ MOST_SWITCHES, MOST_SEPARATE = 6, 100
 
 #: largest number of a record's switches whose times scatter as part of the noise
 _MOST_SCATTERED = 60
-#: standard deviation of a uniform distribution, in half-widths
-_UNIFORM = 1.0 / math.sqrt(3.0)
+#: a switch is looked for within this many standard deviations of its jitter
+_WITHIN = 4.0
 
 
 def switch_name(k: int) -> str:
@@ -54,9 +57,9 @@ def moves_switches(name: str) -> bool:
 
 def habit_unknowns(measurements: Measurements) -> list[Unknown]:
     """The logger's habits, for the kinds of switches whose times are not exact."""
-    present = {HABITS[kind] for r in measurements.records for kind in r.switch_kinds[r.rough_switches]}
+    present = {HABITS[kind] for r in measurements.records for kind in r.switch_kinds[r.logged_switches]}
     return [
-        Unknown(name, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * _UNIFORM))
+        Unknown(name, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * UNIFORM))
         for name in HABITS
         if name in present
     ]
@@ -68,16 +71,20 @@ def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
     if not indices.size:
         return []
     if indices.size > _most(record):
-        return [_moved_by(ALL, float(np.median(record.switch_half[indices])))]
-    return [_moved_by(switch_name(int(k)), float(record.switch_half[k])) for k in indices]
+        logged = record.switch_half[record.logged_switches]  # what jitters is zero on average
+        return [_moved_by(ALL, float(np.median(logged)))] if logged.size else []
+    jitter = record.switch_jitter if record.switch_jitter.size else np.zeros(record.switch_half.size)
+    return [_moved_by(switch_name(int(k)), float(record.switch_half[k]), float(jitter[k])) for k in indices]
 
 
 def _most(record: MeasuredRecord) -> int:
     return MOST_SEPARATE if record.separate_switches else MOST_SWITCHES
 
 
-def _moved_by(name: str, half: float) -> Unknown:
-    return Unknown(name, 0.0, -half, half, scale=half, prior=Prior(0.0, half * _UNIFORM), unit="s")
+def _moved_by(name: str, half: float, jitter: float = 0.0) -> Unknown:
+    most = half + _WITHIN * jitter
+    prior = Prior(0.0, math.hypot(half * UNIFORM, jitter))
+    return Unknown(name, 0.0, -most, most, scale=most, prior=prior, unit="s")
 
 
 def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
@@ -89,7 +96,7 @@ def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
             of_kind = indices[record.switch_kinds[indices] == HABITS.index(name)]
             shifts[of_kind, column] = 2.0 * record.switch_half[of_kind]
         elif name == ALL:
-            shifts[indices, column] = 1.0
+            shifts[record.logged_switches, column] = 1.0
         else:
             k = int(name.rsplit("_", 1)[1])
             shifts[indices[indices == k], column] = 1.0
@@ -108,7 +115,7 @@ def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
     jumps = np.abs(np.diff(record.inputs, axis=0)) / np.where(width > 0.0, width, 1.0)
     size = jumps.sum(axis=1)[indices - 1]
     chosen = np.sort(indices[np.argsort(-size, kind="stable")[:_MOST_SCATTERED]])
-    return tuple(switch_name(int(k)) for k in chosen), record.switch_half[chosen] * _UNIFORM
+    return tuple(switch_name(int(k)) for k in chosen), record.switch_std[chosen]
 
 
 def moved_times(record: MeasuredRecord, values: dict[str, float]) -> Floats:

@@ -34,6 +34,7 @@ class Acting:
     ----------
     times: (switches) s from the first sample, increasing; the first is 0.
     half: (switches) half-widths of these times.
+    jitter: (switches) s, stated standard deviations of the times at which their actuators act.
     rows: (switches, inputs) SI, from each of these times on.
     commanded: (switches, inputs) the same with the middle of measured inputs in their place, for names.
     lines: (n, r) at the samples, of the inputs `along`, which change continuously.
@@ -46,6 +47,7 @@ class Acting:
 
     times: Floats
     half: Floats
+    jitter: Floats
     rows: Floats
     commanded: Floats
     lines: Floats
@@ -95,7 +97,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
         else:
             builder.unmeasured(index, source)
     builder.straighten()
-    times, half, rows = builder.rows()
+    times, half, jitter, rows = builder.rows()
     commanded = rows.copy()
     for index, source in enumerate(sources):
         if not source.actuators:
@@ -104,6 +106,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
     return Acting(
         times=times - float(record.time[0]),
         half=half,
+        jitter=jitter,
         rows=rows,
         commanded=commanded,
         lines=np.column_stack(list(lines.values())) if lines else np.empty((record.time.size, 0)),
@@ -122,8 +125,8 @@ class _Builder:
     def __init__(self, record: Record, run: Run, rig: Rig, inputs: int) -> None:
         self._record, self._run, self._rig = record, run, rig
         self._first = np.zeros(inputs)
-        #: time, half-width, place, value
-        self._changes: list[tuple[float, float, int, float]] = []
+        #: time, half-width, jitter, place, value
+        self._changes: list[tuple[float, float, float, int, float]] = []
         self.lines: dict[int, Floats] = {}
         self.unrecorded: dict[str, tuple[float, float]] = {}
         self.absent: dict[str, tuple[str, ...]] = {}
@@ -190,14 +193,15 @@ class _Builder:
             if switch.time == begin:
                 self._first[index] = last = value
             elif value != last:
-                self._changes.append((switch.time, switch.uncertainty, index, value))
+                jitter = self._rig.actuators[switch.actuator].jitter
+                self._changes.append((switch.time, switch.uncertainty, jitter, index, value))
                 last = value
 
     def steps(self, index: int, readings: Floats) -> None:
         """Readings that hold until the next one."""
         self._first[index] = readings[0]
         for k in (np.flatnonzero(np.diff(readings)) + 1).tolist():
-            self._changes.append((float(self._record.time[k]), 0.0, index, float(readings[k])))
+            self._changes.append((float(self._record.time[k]), 0.0, 0.0, index, float(readings[k])))
 
     def readings(self, source: InputSource) -> Floats | None:
         """The readings of the input's channel, gaps and spikes bridged; None if it has none."""
@@ -217,17 +221,19 @@ class _Builder:
             self.spikes[source.input] = int(spikes.sum())
         return np.asarray(np.interp(time, time[good], values[good]))
 
-    def rows(self) -> tuple[Floats, Floats, Floats]:
-        """Times, half-widths and rows; simultaneous changes are one command."""
-        times, half, rows = [float(self._record.time[0])], [0.0], [self._first]
-        for time, width, index, value in sorted(self._changes, key=lambda one: one[0]):
+    def rows(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Times, half-widths, jitter and rows; simultaneous changes are one command."""
+        times, half, jitter, rows = [float(self._record.time[0])], [0.0], [0.0], [self._first]
+        for time, width, std, index, value in sorted(self._changes, key=lambda one: one[0]):
             if time != times[-1]:
                 times.append(time)
                 half.append(width)
+                jitter.append(std)
                 rows.append(rows[-1].copy())
             half[-1] = max(half[-1], width)
+            jitter[-1] = max(jitter[-1], std)
             rows[-1][index] = value
-        return np.array(times), np.array(half), np.array(rows)
+        return np.array(times), np.array(half), np.array(jitter), np.array(rows)
 
 
 def _impossible(values: Floats) -> NDArray[np.bool_]:

@@ -129,6 +129,8 @@ def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
         values = np.where(good, record.values, np.nan)
         sigma = noise.model.sigma_at(values, record.times)
         half = record.switch_half[jumps] + clock_reach(measurements, record)
+        if record.switch_jitter.size:
+            half = half + 2.0 * record.switch_jitter[jumps]
         edges = find_edges(record.times, values, sigma, record.switch_times[jumps], half)
         masks.append(good & edges)
     counts = np.array([mask.sum(axis=0) for mask in masks], dtype=np.intp)

@@ -20,6 +20,9 @@ def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator
     half = max((float(record.switch_half.max(initial=0.0)) for record in records), default=0.0)
     if half > 0.0:
         yield f"Commands were written down with the samples: their times are known to ±{_seconds(half)}"
+    jitter = max((float(record.switch_jitter.max(initial=0.0)) for record in records), default=0.0)
+    if jitter > 0.0:
+        yield f"By the rig file, the times at which actuators act scatter by ±{_seconds(2.0 * jitter)} (95 %)"
     yield from _gaps(records)
     for index, name in enumerate(outputs):
         missing = sum(int((~record.here[:, index]).sum()) for record in records)

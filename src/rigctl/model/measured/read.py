@@ -204,6 +204,7 @@ def _measured(
         times=samples,
         switch_times=acts.times,
         switch_half=acts.half,
+        switch_jitter=acts.jitter,
         inputs=acts.rows,
         values=np.column_stack([record.channels.get(name, nothing) for name in outputs]),
         condition=dict(record.sweep),

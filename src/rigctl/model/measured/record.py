@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,6 +19,8 @@ from rigctl.units import parse_unit
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
+#: standard deviation of a uniform distribution, in half-widths
+UNIFORM = 1.0 / math.sqrt(3.0)
 #: times known better than this, in s and as a share of the sampling interval, are exact
 _EXACT, _EXACT_SHARE = 2e-4, 0.25
 #: a command that changes with more than this share of the samples is calculated anew for each of them
@@ -46,6 +49,8 @@ class MeasuredRecord:
     along: the indices of the inputs that change continuously; `inputs` holds their middle.
     knots, lines: (k) times and (k, along) values between which they are linear.
     unrecorded: for inputs that were not recorded, the lowest and the highest value, SI; 0 in `inputs`.
+    switch_jitter: (switches) s, stated standard deviations of the times at which the actuators act, from one
+        command to the next; empty where none is stated.
     separate_switches: the time of each switch that is not exact is an unknown, even if there are many.
     """
 
@@ -68,6 +73,7 @@ class MeasuredRecord:
     lines: Floats = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     unrecorded: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     separate_switches: bool = False
+    switch_jitter: Floats = field(default_factory=lambda: np.empty(0), repr=False)
 
     @cached_property
     def ramps(self) -> Ramps | None:
@@ -86,9 +92,26 @@ class MeasuredRecord:
         return tuple(order[first:last] for first, last in pairwise(starts.tolist()))
 
     @cached_property
+    def logged_switches(self) -> Integers:
+        """The indices of the switches that were recorded with a sample, without the first command."""
+        return self._inexact(self.switch_half)
+
+    @cached_property
     def rough_switches(self) -> Integers:
-        """The indices of the switches whose times are not exact, without the first command."""
-        half = self.switch_half
+        """The indices of the switches whose times are not exact, without the first command.
+
+        Of commands that change with most of the samples, none acts at a time of its own.
+        """
+        return self.logged_switches if self.streamed else self._inexact(self.switch_std / UNIFORM)
+
+    @cached_property
+    def switch_std(self) -> Floats:
+        """(switches) standard deviations of the times of the switches, s: where in the interval between two
+        samples a command was given, and when its actuator acts after that."""
+        logged = self.switch_half * UNIFORM
+        return np.hypot(logged, self.switch_jitter) if self.switch_jitter.size else logged
+
+    def _inexact(self, half: Floats) -> Integers:
         step = float(np.median(np.diff(self.times))) if self.times.size > 1 else np.inf
         rough = (half >= _EXACT) | (half >= _EXACT_SHARE * step)
         return np.flatnonzero(rough[1:]) + 1
@@ -101,7 +124,7 @@ class MeasuredRecord:
         difference times the sum of all rises to its integral, as an offset does, and the scatter of each time
         would add a random walk: a drift of the output would count as either.
         """
-        return bool(self.rough_switches.size > _OF_SAMPLES * self.times.size)
+        return bool(self.logged_switches.size > _OF_SAMPLES * self.times.size)
 
     @cached_property
     def switch_kinds(self) -> Integers:
@@ -202,6 +225,22 @@ class Measurements:
             return si if interval else "degC"
         dimension = parse_unit(si).dimension
         return next((unit for unit in self.units if parse_unit(unit).dimension == dimension), si)
+
+    def jitter_of(self, rows: Floats) -> Floats:
+        """(switches) stated jitter of the switches of a planned record, s: the largest with which the same
+        inputs change in these records.
+
+        Parameters
+        ----------
+        rows: (switches, inputs) SI, from each switch on.
+        """
+        of_input = np.zeros(len(self.inputs))
+        for record in self.records:
+            if record.switch_jitter.size:
+                changed = np.diff(record.inputs, axis=0, prepend=record.inputs[:1]) != 0.0
+                of_input = np.maximum(of_input, (changed * record.switch_jitter[:, None]).max(axis=0))
+        changed = np.diff(rows, axis=0, prepend=rows[:1]) != 0.0
+        return np.asarray((changed * of_input).max(axis=1, initial=0.0))
 
     def only(self, indices: Iterable[int]) -> Measurements:
         """These records alone."""
