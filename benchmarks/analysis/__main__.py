@@ -8,7 +8,8 @@ thousand records, and imports and compares ten million rows, each in a separate 
 hour.
 ``--long`` compares and diagnoses one record of 48 640 rows instead, whose input is commanded at every sample
 (measured where RIGCTL_REAL_DATA names a folder with the Silverbox data, else simulated), ``--strokes``
-diagnoses 32 strokes with both chamber pressures: whole commands, the median of three.
+diagnoses 32 strokes with both chamber pressures: whole commands, the median of three. ``--sensors`` diagnoses
+the 28 strokes with exact sensors and with errors of sensors as unknowns.
 ``--own`` diagnoses a user's own bench instead, as a whole command, compiled for the first time and again;
 ``--apply`` adds three hidden effects to the model of 28 strokes, and ``--discover`` looks for a formula of
 what is in no library, each once, as a whole command.
@@ -39,6 +40,7 @@ from benchmarks.analysis.data import (
     run_of,
     run_of_chambers,
     run_of_three,
+    runs_of_sensors,
     write_fast,
     write_own_bench,
     write_tight,
@@ -60,6 +62,8 @@ OWN = {"compiled for the first time": 20.0, "afterwards": 5.0}
 OF_LONG = {"compare": 5.0, "diagnose": 20.0}
 OF_STROKES = {"diagnose": 15.0}
 MEDIAN_OF = 3
+#: required CPU time of a diagnosis with errors of sensors, in times that with exact ones
+OF_SENSORS = 1.3
 #: names of the results of each option
 OF_LONGER = {
     "--own": "own bench",
@@ -67,6 +71,7 @@ OF_LONGER = {
     "--discover": "discover",
     "--long": "long record",
     "--strokes": "strokes",
+    "--sensors": "sensors",
 }
 #: names of the results of the longer commands
 APPLY, DISCOVER = 30.0, 60.0
@@ -93,6 +98,7 @@ def main() -> None:
             "--discover": discover,
             "--long": long_record,
             "--strokes": strokes,
+            "--sensors": sensors,
         }
         asked = [option for option in longer if option in sys.argv[1:]]
         for option in asked:
@@ -210,6 +216,19 @@ def _medians(title: str, run: str, model: Path, asked: dict[str, float]) -> dict
         found[f"rigctl {name}"] = took
         rows.append((f"rigctl {name}", f"{took['wall']:.1f}", f"{took['cpu']:.1f}", f"{wanted:g}"))
     table(f"{title}; median of {MEDIAN_OF}, each with no result of an earlier command at hand", rows)
+    return found
+
+
+def sensors(folder: Path) -> dict[str, dict[str, float]]:
+    """``rigctl diagnose`` of the 28 strokes, with what the rig file says of its sensors."""
+    found: dict[str, dict[str, float]] = {}
+    rows = [("rigctl diagnose", "seconds", "of processor", "times that with exact sensors")]
+    for name, run in runs_of_sensors(folder).items():
+        command = [sys.executable, "-m", "rigctl", "diagnose", str(run), "--model", str(MODEL), "--json"]
+        found[name] = took = in_a_command(command, {}, TIMES)
+        ratio = took["cpu"] / next(iter(found.values()))["cpu"]
+        rows.append((name, f"{took['wall']:.1f}", f"{took['cpu']:.1f}", f"{ratio:.2f}"))
+    table(f"28 strokes; at most {OF_SENSORS:g} times is required, of processor", rows)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +42,23 @@ def run_of(records: int, folder: Path) -> Run:
     hot = np.linspace(20.0, 80.0, records // 4)
     path = make_run(replace(STANDARD, temperatures=tuple(hot.tolist())), RIG, folder)
     return open_run(path)
+
+
+def runs_of_sensors(folder: Path) -> dict[str, Path]:
+    """The standard run with exact sensors, a stated uncertainty, and stated kinds of calibration."""
+    text = RIG.read_text("utf-8")
+    rigs = {
+        "exact sensors": re.sub(r"\n *uncertainty: .*", "", text),
+        "a stated uncertainty": text,
+        "calibrations of a stated kind": re.sub(r"(\n *)(uncertainty: .*)", r"\1\2\1kind: line", text),
+    }
+    runs = {}
+    for index, (name, rig) in enumerate(rigs.items()):
+        path = folder / str(index) / "rig.yaml"
+        path.parent.mkdir(parents=True)
+        path.write_text(rig, "utf-8")
+        runs[name] = make_run(STANDARD, path, path.parent / "runs")
+    return runs
 
 
 def run_of_three(folder: Path) -> Run:
