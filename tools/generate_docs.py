@@ -21,14 +21,14 @@ def pages() -> Iterator[tuple[Path, str]]:
     from api_page import api_page
     from benchmarks.engine.page import with_figures
     from benchmarks.validation.page import with_rates
+    from reference_pages.effects import effects_page
+    from reference_pages.generic_effects import generic_page
+    from reference_pages.rig_file import rig_page
+    from reference_pages.run_states import run_states_page
+    from reference_pages.steps import steps_page
+    from reference_pages.units import units_page
 
-    from rigctl.effects.generic.page import generic_page
-    from rigctl.effects.page import effects_page
-    from rigctl.files.units_page import units_page
     from rigctl.physics.families import FAMILIES
-    from rigctl.procedure.steps_page import steps_page
-    from rigctl.rig.rig_page import rig_page
-    from rigctl.runner.states_page import run_states_page
 
     yield DOCS / "reference" / "commands.md", commands_page()
     yield DOCS / "reference" / "dataset.md", dataset_page()

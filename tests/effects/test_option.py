@@ -6,35 +6,37 @@ import math
 
 import pytest
 
-from rigctl.effects import library, parse_effect_option
+from rigctl.effects import library
+from rigctl.effects.option import read_effect_option
 from rigctl.errors import RigctlError
 
 
 def test_an_effect_name_alone_means_its_typical_size() -> None:
-    assert parse_effect_option("piston_leakage") == ("piston_leakage", {"conductance": 5.2e-15})
+    effect, values = read_effect_option("piston_leakage")
+    assert (effect.name, values) == ("piston_leakage", {"conductance": 5.2e-15})
 
 
 def test_parameters_are_read_with_their_units() -> None:
-    name, values = parse_effect_option("stribeck_friction: force=120 N, stribeck_velocity = 2 cm/s")
-    assert name == "stribeck_friction"
+    effect, values = read_effect_option("stribeck_friction: force=120 N, stribeck_velocity = 2 cm/s")
+    assert effect.name == "stribeck_friction"
     assert values == {"force": 120.0, "static_force": 200.0, "stribeck_velocity": 0.02, "presliding": 20e-6}
 
 
 def test_a_gap_can_be_given_instead_of_a_conductance() -> None:
-    _, values = parse_effect_option("piston_leakage:clearance=30 um")
+    _, values = read_effect_option("piston_leakage:clearance=30 um")
     assert values["conductance"] == pytest.approx(math.pi * 0.05 * (30e-6) ** 3 / (12 * 20e-3))
-    _, of_a_larger_piston = parse_effect_option("piston_leakage:clearance=30 um", parameters={"bore": 0.1})
+    _, of_a_larger_piston = read_effect_option("piston_leakage:clearance=30 um", parameters={"bore": 0.1})
     assert of_a_larger_piston["conductance"] == pytest.approx(2.0 * values["conductance"])
 
 
 def test_an_offset_in_degc_is_a_temperature_difference() -> None:
-    assert parse_effect_option("thermocouple_offset:offset=2 degC")[1] == {"offset": 2.0}
+    assert read_effect_option("thermocouple_offset:offset=2 degC")[1] == {"offset": 2.0}
 
 
 def test_every_effect_can_be_given_by_its_name_alone() -> None:
     for effect in library("hydraulic_cylinder").values():
         if effect.terms:
-            assert parse_effect_option(effect.name)[1] == effect.start
+            assert read_effect_option(effect.name)[1] == effect.start
 
 
 @pytest.mark.parametrize(
@@ -57,4 +59,4 @@ def test_every_effect_can_be_given_by_its_name_alone() -> None:
 )
 def test_mistakes_in_an_option_are_refused_with_a_clear_message(text: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message):
-        parse_effect_option(text)
+        read_effect_option(text)

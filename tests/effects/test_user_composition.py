@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.effects import Effect, library, parse_effect_option
+from rigctl.effects import Effect, library
 from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.option import read_effect_option
 from rigctl.effects.user import load_effect, parse_effect
@@ -102,7 +102,7 @@ def test_the_option_accepts_an_effect_file(tmp_path: Path, monkeypatch: pytest.M
         effect, values = read_effect_option(text)
         assert effect.name == "piston_leakage_eccentric"
         assert values == {"conductance": 2e-14, "eccentricity": 0.5}
-    assert parse_effect_option(str(mine))[1] == effect.start
+    assert read_effect_option(str(mine))[1] == effect.start
     # a shipped one is found without its folder
     assert read_effect_option("models/effects/piston-leakage-eccentric.yaml")[0].name == effect.name
 

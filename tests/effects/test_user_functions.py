@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
-from rigctl.effects import EffectParameter, find_effect, library, parse_effect_option, registry
+from rigctl.effects import EffectParameter, find_effect, library, registry
 from rigctl.effects.declaration import Own
 from rigctl.effects.examine import examine
+from rigctl.effects.option import read_effect_option
 from rigctl.effects.user import effect
 from rigctl.errors import RigctlError
 from rigctl.model import Model, build_system
@@ -95,7 +96,8 @@ def test_a_registered_function_is_an_effect_like_any_other(installed: Any) -> No
     installed(DRAG)
     assert "drag" in library("hydraulic_cylinder")
     assert find_effect("drag", "hydraulic_cylinder").source == "a test"
-    assert parse_effect_option("drag:size=80 N") == ("drag", {"size": 80.0})
+    effect, values = read_effect_option("drag:size=80 N")
+    assert (effect.name, values) == ("drag", {"size": 80.0})
     model = Model(FAMILY).with_effect("drag", {"size": 80.0})
     assert model.values["drag.size"] == 80.0
     assert model.own_effects == ()

@@ -17,16 +17,12 @@ from scipy.optimize import lsq_linear
 from rigctl.engine.compile import CompiledSystem
 from rigctl.engine.least_squares import (
     Block,
-    Cauchy,
-    Huber,
     Iteration,
     LeastSquaresResult,
-    Loss,
     Options,
     Outcome,
     Prior,
     Refused,
-    SoftL1,
     Unknown,
     least_squares,
     multi_start,
@@ -42,15 +38,13 @@ T = np.linspace(0.0, 3.0, 40)
 class Decays:
     """Records ``y = offset_k + amplitude·exp(-rate·t)·level_k`` with noise: rate and amplitude are shared."""
 
-    def __init__(self, records: int = 5, seed: int = 1, outliers: int = 0) -> None:
+    def __init__(self, records: int = 5, seed: int = 1) -> None:
         random = np.random.default_rng(seed)
         self.levels = np.linspace(1.0, 2.0, records)
         self.offsets = random.normal(size=records)
         self.sigma = 0.02
         clean = self.model(np.array([3.0, 1.3]), [np.array([offset]) for offset in self.offsets])
         self.data = [y + self.sigma * random.normal(size=T.size) for y in clean]
-        for record in self.data[:outliers]:
-            record[7] += 1.5
         self.calls = 0
 
     def model(self, shared: Floats, local: Sequence[Floats]) -> list[Floats]:
@@ -128,21 +122,6 @@ def test_the_optimum_and_covariance_agree_with_a_dense_solver() -> None:
     assert result.parameter_count == 7
     assert 0.7 < result.variance_factor < 1.3
     assert abs(result.value("rate") - 1.3) < 4.0 * result.std[1]
-
-
-@pytest.mark.parametrize(
-    ("loss", "name"), [(Huber(1.5), "huber"), (SoftL1(1.5), "soft_l1"), (Cauchy(1.5), "cauchy")]
-)
-def test_robust_losses_agree_with_scipy_and_resist_outliers(loss: Loss, name: str) -> None:
-    problem = Decays(outliers=4)
-    result = least_squares(
-        problem, problem.unknowns(), problem.local(), options=Options(loss=loss, cost=1e-14)
-    )
-    dense = problem.scipy(loss=name, f_scale=1.5)
-    assert result.cost == pytest.approx(dense.cost, rel=1e-7)
-    assert everything(result) == pytest.approx(dense.x, rel=1e-3, abs=1e-4)
-    plain = least_squares(problem, problem.unknowns(), problem.local())
-    assert abs(result.value("rate") - 1.3) < 0.5 * abs(plain.value("rate") - 1.3)
 
 
 def test_a_parameter_at_its_bound_does_not_stall_the_others() -> None:

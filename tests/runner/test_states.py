@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from rigctl.runner.states import EVENTS, STATES, Lifecycle, RunState, transitions
-from rigctl.runner.states_page import run_states_page
-
-PAGE = Path(__file__).parents[2] / "docs" / "reference" / "run-states.md"
 
 
 def follow(*events: str) -> list[RunState]:
@@ -45,7 +40,3 @@ def test_a_transition_that_is_not_in_the_table_is_an_error() -> None:
 def test_every_state_and_event_is_explained() -> None:
     assert set(STATES) == set(RunState)
     assert set(EVENTS) == {event for _, event, _ in transitions()}
-
-
-def test_the_page_is_current() -> None:
-    assert PAGE.read_text(encoding="utf-8") == run_states_page(), "run 'make docs'"

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import struct
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -25,7 +26,7 @@ from websockets.typing import Origin
 from commands import answer
 from rigctl.dataset import open_run
 from rigctl.web.server_state import LONGEST_MESSAGE
-from rigctl.web.workbench.frames import frame, read_frame
+from rigctl.web.workbench.frames import frame
 from web.pictures import outline, outline_of_picture
 from web.serving import Served, Window, serving
 
@@ -406,6 +407,18 @@ def test_messages_up_to_the_maximum_length_are_accepted_and_longer_ones_refused(
             socket.recv(timeout=60)
     assert caught.value.rcvd is not None
     assert caught.value.rcvd.code == closed
+
+
+def read_frame(message: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Decode a message of `frame` as the browser does."""
+    (length,) = struct.unpack_from("<I", message)
+    header: dict[str, Any] = json.loads(message[4 : 4 + length])
+    arrays, at = {}, 4 + length
+    for one in header["arrays"]:
+        count = int(np.prod(one["shape"], dtype=np.int64))
+        arrays[one["name"]] = np.frombuffer(message, "<f4", count, at).reshape(one["shape"])
+        at += 4 * count
+    return header, arrays
 
 
 @settings(max_examples=15)

@@ -1,7 +1,6 @@
 """The library of effects: one short declaration each, looked up by name."""
 
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, ParameterAlternative, qualified
-from rigctl.effects.option import parse_effect_option
 from rigctl.effects.registry import find_effect, library
 
 __all__ = [
@@ -11,6 +10,5 @@ __all__ = [
     "ParameterAlternative",
     "find_effect",
     "library",
-    "parse_effect_option",
     "qualified",
 ]

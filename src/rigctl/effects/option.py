@@ -17,16 +17,6 @@ from rigctl.units import Quantity, onto_bound, read_si, show
 _FILE = re.compile(r"(.+?\.ya?ml)(?:\s*:(.*))?$", re.IGNORECASE | re.DOTALL)
 
 
-def parse_effect_option(
-    text: str,
-    family: str | ModelFamily = "hydraulic_cylinder",
-    parameters: Mapping[str, float] | None = None,
-) -> tuple[str, dict[str, float]]:
-    """As `read_effect_option`, but returns the name of the effect instead of the effect."""
-    effect, values = read_effect_option(text, family, parameters)
-    return effect.name, values
-
-
 def read_effect_option(
     text: str,
     family: str | ModelFamily = "hydraulic_cylinder",

@@ -22,7 +22,7 @@ from rigctl.errors import ExitCode, RigctlError, unknown_name
 _WAITING_COMMANDS = 64
 
 # indices in the array that the kernel carries from call to call; see kernels.step
-_TIME, _STALE = 0, 2
+_TIME = 0
 
 
 class Stepper:
@@ -118,17 +118,6 @@ class Stepper:
     def outputs(self) -> Floats:
         """A copy of the outputs g(y, u, q), with the inputs that acted up to now."""
         return self._outputs.copy()
-
-    def set_state(self, state: ArrayLike) -> None:
-        """Set the state, as an operator or a fault does; the next step restarts the integration."""
-        self._state[:] = _vector("states", state, self._state.size)
-        self._carried[_STALE] = 1.0
-        self._advance(self.time)
-
-    def set_parameters(self, q: ArrayLike) -> None:
-        """Change the parameters, as a fault does; the next step restarts the integration."""
-        self._parameters[:] = _vector("parameters", q, self._parameters.size)
-        self._carried[_STALE] = 1.0
 
     def switch_input(self, name: str, value: float, *, at: float | None = None) -> None:
         """Command one input: now, or at a future time, at which `advance` then ends a step.

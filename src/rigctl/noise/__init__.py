@@ -7,7 +7,6 @@ from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source, Standing
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.residual_noise import ModelResiduals, Width, width_off_model
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
-from rigctl.noise.scatter import Scatter, estimate_scatter
 from rigctl.noise.serial_correlation import autocovariance, correlation_time, portmanteau
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records
 from rigctl.noise.statements import channel_statement, model_statement, recounted
@@ -21,7 +20,6 @@ __all__ = [
     "NoiseModel",
     "NoiseRecord",
     "RowNoise",
-    "Scatter",
     "Source",
     "Standing",
     "VarianceLaw",
@@ -31,7 +29,6 @@ __all__ = [
     "channel_statement",
     "correlation_time",
     "estimate_noise",
-    "estimate_scatter",
     "even_pieces",
     "find_edges",
     "find_spikes",

@@ -14,7 +14,6 @@ from rigctl.effects.declaration import Effect, EffectParameter, qualified
 from rigctl.effects.registry import library
 from rigctl.model.fit.unknowns import parameter_unknown
 from rigctl.model.model import Model
-from rigctl.model.setting import setting_text
 from rigctl.units import interval_unit, parse_unit
 
 #: ratio of the ends above which a slider is logarithmic
@@ -200,8 +199,3 @@ def _slider(slider: Slider, *, fit: bool, difference: bool = False) -> Slider:
         scale="log" if spans else "linear",
         fit=fit,
     )
-
-
-def value_words(model: Model, name: str, si: float) -> str:
-    """A slider's value as text: ``7e-15 m^3``."""
-    return setting_text(model, name, si)

@@ -130,17 +130,6 @@ def _ask_kept(path: Path, update: _Update, in_memory: _Update, question: Callabl
     return _ask_memory(in_memory, question)
 
 
-def remove_index(runs: Path) -> None:
-    """Delete the index of a runs folder; the next query rebuilds it.
-
-    Raises
-    ------
-    OSError
-        another program has it open, on systems that then prevent deletion.
-    """
-    _remove_file(index_path(runs))
-
-
 def _remove_file(path: Path) -> None:
     for file in (path, path.with_name(f"{path.name}-journal")):
         file.unlink(missing_ok=True)

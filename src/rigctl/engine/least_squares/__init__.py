@@ -6,7 +6,6 @@ its residuals and their derivatives.
 
 from rigctl.engine.least_squares.block import Block, Evaluate, Refused
 from rigctl.engine.least_squares.identifiability import Combination, null_columns
-from rigctl.engine.least_squares.loss import Cauchy, Huber, Loss, SoftL1, Squares
 from rigctl.engine.least_squares.multi_start import multi_start
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.solve import NoValueAtStart, Options, least_squares
@@ -14,20 +13,15 @@ from rigctl.engine.least_squares.unknown import Prior, Unknown, started
 
 __all__ = [
     "Block",
-    "Cauchy",
     "Combination",
     "Evaluate",
-    "Huber",
     "Iteration",
     "LeastSquaresResult",
-    "Loss",
     "NoValueAtStart",
     "Options",
     "Outcome",
     "Prior",
     "Refused",
-    "SoftL1",
-    "Squares",
     "Unknown",
     "least_squares",
     "multi_start",

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.least_squares.block import Block, check_block, check_count
-from rigctl.engine.least_squares.loss import Loss, weights
 from rigctl.engine.threads import in_threads
 
 Floats = NDArray[np.float64]
@@ -101,7 +100,7 @@ class Arrow:
         return total
 
 
-def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Sequence[int]) -> Arrow:
+def reduce_blocks(blocks: Sequence[Block], shared: int, local: Sequence[int]) -> Arrow:
     """Reduce the records' blocks to triangles; those of records without own parameters are combined.
 
     Raises
@@ -112,7 +111,7 @@ def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Seque
     check_count(blocks, len(local))
     sizes = tuple(local)
     # in threads: a block's derivatives are whitened when they are first used, which is here
-    triangles = in_threads(partial(_reduced, blocks, loss, shared, sizes), range(len(blocks)))
+    triangles = in_threads(partial(_reduced, blocks, shared, sizes), range(len(blocks)))
     bare = [index for index, m in enumerate(sizes) if m == 0]
     common = np.empty((0, shared + 1))
     for index in bare:
@@ -123,17 +122,13 @@ def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Seque
     return Arrow(tuple(triangles), sizes, shared)
 
 
-def _reduced(blocks: Sequence[Block], loss: Loss, shared: int, local: Sequence[int], index: int) -> Floats:
+def _reduced(blocks: Sequence[Block], shared: int, local: Sequence[int], index: int) -> Floats:
     """The triangle of one record."""
     block, m = blocks[index], local[index]
     check_block(block, index + 1, shared, m)
     parts = [block.local] if block.local is not None and m else []
     parts += [block.shared] if block.shared is not None and shared else []
-    factors = weights(loss, block.residual)
-    matrix = np.column_stack([*parts, -block.residual])
-    if factors is not None:
-        matrix *= factors[:, None]
-    return _triangle(matrix)
+    return _triangle(np.column_stack([*parts, -block.residual]))
 
 
 @dataclass(frozen=True)

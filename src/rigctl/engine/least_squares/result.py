@@ -49,7 +49,7 @@ class LeastSquaresResult:
     unknowns: the shared parameters as given.
     values: (p) the fitted shared parameters.
     local: the fitted record-level parameters, an array for each record.
-    cost: half the sum of squares, or of the robust loss, including the priors.
+    cost: half the sum of squares, including the priors.
     residual_count, parameter_count: observations, and parameters of all kinds that were free at the end.
     covariance: (p, p) of the shared parameters, the record-level ones being free; zero for one held at a
         bound, infinite on the diagonal for one that the data do not determine.

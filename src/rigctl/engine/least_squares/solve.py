@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for many records, with bounds, priors and robust losses."""
+"""Levenberg-Marquardt for many records, with bounds and priors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from rigctl.engine.least_squares.arrow import Vector, reduce_blocks
 from rigctl.engine.least_squares.block import Block, Evaluate, Refused
 from rigctl.engine.least_squares.bounded_step import BoundedStep, bounded_step
 from rigctl.engine.least_squares.identifiability import null_columns
-from rigctl.engine.least_squares.loss import Loss, Squares, cost_of
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.uncertainty import conclude
 from rigctl.engine.least_squares.unknown import Priors, Unknown, starts
@@ -21,7 +20,6 @@ from rigctl.errors import ExitCode, RigctlError
 
 Floats = NDArray[np.float64]
 
-_SQUARES = Squares()
 _FIRST_DAMPING = 1e-2
 _STRETCHED = 1.4  # ratio of the actual to the expected decrease above which a longer step is tried
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
@@ -51,7 +49,6 @@ class Options:
 
     Attributes
     ----------
-    loss: the loss function of the residuals.
     cost: end when the next step is expected to lower the cost by less than this share of it.
     step: end when the next step would change every parameter by less than this share of its size.
     gradient: end when the cosine of the angle between the residuals and every column is below this.
@@ -62,7 +59,6 @@ class Options:
         reduce the difference by a hundredth.
     """
 
-    loss: Loss = _SQUARES
     cost: float = 1e-9
     step: float = 1e-8
     gradient: float = 1e-10
@@ -79,7 +75,7 @@ def least_squares(
     options: Options | None = None,
     progress: Callable[[Iteration], None] | None = None,
 ) -> LeastSquaresResult:
-    """Minimise ``sum of loss(residuals)/2 + sum of ((value - mean)/std)²/2`` over all parameters.
+    """Minimise ``sum of residuals²/2 + sum of ((value - mean)/std)²/2`` over all parameters.
 
     A Levenberg-Marquardt method: Gauss-Newton steps with damping, scaled by the lengths of the columns
     (Marquardt), the damping updated by Nielsen's rule, within a box that grows while steps lower the cost as
@@ -195,14 +191,14 @@ class _Search:
 
     def _linearise(self, blocks: Sequence[Block]) -> None:
         record_local = [len(unknowns) for unknowns in self.local]
-        self.arrow = reduce_blocks(blocks, self.options.loss, len(self.unknowns), record_local)
+        self.arrow = reduce_blocks(blocks, len(self.unknowns), record_local)
         self.residual_count = sum(block.residual.size for block in blocks)
         norms = self.arrow.norms().flat()
         self.column_size = np.maximum(self.column_size, norms)
 
     def _cost(self, blocks: Sequence[Block], point: Vector) -> float:
         prior = self.priors.residual(point.flat())
-        data = sum(cost_of(self.options.loss, block.residual) for block in blocks)
+        data = sum(0.5 * float(block.residual @ block.residual) for block in blocks)
         return data + 0.5 * float(prior @ prior)
 
     def _refuse_null_columns(self, blocks: Sequence[Block]) -> None:

@@ -1,11 +1,10 @@
-"""Mineral hydraulic oil: density, viscosity, bulk modulus, and the viscometer."""
+"""Mineral hydraulic oil: density, viscosity and the compressibility of its air."""
 
-from rigctl.physics.oil.bulk_modulus import air_compliance, effective_bulk_modulus
+from rigctl.physics.oil.bulk_modulus import air_compliance
 from rigctl.physics.oil.density import density
 from rigctl.physics.oil.oils import HL32, OILS, Oil, find_oil
 from rigctl.physics.oil.published import Misfit, PublishedPoint, largest_misfit, misfit, published_viscosity
 from rigctl.physics.oil.table import OilRow, oil_table
-from rigctl.physics.oil.viscometer import capillary_constant, kinematic_from_time
 from rigctl.physics.oil.viscosity import (
     barus_factor,
     kinematic_viscosity,
@@ -27,11 +26,8 @@ __all__ = [
     "VogelConstants",
     "air_compliance",
     "barus_factor",
-    "capillary_constant",
     "density",
-    "effective_bulk_modulus",
     "find_oil",
-    "kinematic_from_time",
     "kinematic_viscosity",
     "largest_misfit",
     "misfit",

@@ -16,10 +16,12 @@ from rigctl.physics.constants import ATMOSPHERE
 ADIABATIC_AIR = 1.4
 
 
-def effective_bulk_modulus(
+def air_compliance(
     absolute_pressure: Scalar, air_fraction: Scalar, bulk_modulus: Scalar, exponent: float = ADIABATIC_AIR
 ) -> Scalar:
-    """``beta_eff = V / (-dV/dp)`` of oil and air together, in Pa.
+    """Added compressibility: ``1/beta_eff - 1/beta = x0*g*(1/(n*p) - 1/beta) / (1 - x0 + x0*g)``, in 1/Pa.
+
+    Exactly 0 without air. With it ``beta_eff = V / (-dV/dp)`` of oil and air together.
 
     Parameters
     ----------
@@ -27,18 +29,6 @@ def effective_bulk_modulus(
     air_fraction: x0, the free-air fraction of the volume at atmospheric pressure.
     bulk_modulus: beta of the oil without air, in Pa; about 1.4e9.
     exponent: n, 1 (slow) to 1.4 (fast).
-    """
-    return 1.0 / (
-        1.0 / bulk_modulus + air_compliance(absolute_pressure, air_fraction, bulk_modulus, exponent)
-    )
-
-
-def air_compliance(
-    absolute_pressure: Scalar, air_fraction: Scalar, bulk_modulus: Scalar, exponent: float = ADIABATIC_AIR
-) -> Scalar:
-    """Added compressibility: ``1/beta_eff - 1/beta = x0*g*(1/(n*p) - 1/beta) / (1 - x0 + x0*g)``, in 1/Pa.
-
-    Exactly 0 without air. Arguments as for `effective_bulk_modulus`.
     """
     atmosphere = constant_like(ATMOSPHERE, absolute_pressure)
     expansion = power(atmosphere / absolute_pressure, 1.0 / exponent)
