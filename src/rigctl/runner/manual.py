@@ -28,6 +28,7 @@ _RESPONSE = 0.1
 _PLACE = re.compile(r"^\d+:\d+: ")
 
 OnEvent = Callable[[float, str, Mapping[str, Any]], None]
+OnSample = Callable[[Sample], None]
 
 
 @dataclass(frozen=True)
@@ -40,12 +41,33 @@ class Reading:
     notices: Sequence[str] = ()
 
 
+class _Watched(Unrecorded):
+    """Keeps nothing, and shows every sample."""
+
+    def __init__(self, rig: Rig, on_event: OnEvent, on_sample: OnSample) -> None:
+        super().__init__(on_event)
+        self._channels = len(rig.layout.channels)
+        self._on_sample = on_sample
+
+    def append(self, row: Sequence[float]) -> None:
+        """Show a sample; its row also has the number of the record, of which there is none."""
+        time, _, *values = row
+        self._on_sample(Sample(time, tuple(values[: self._channels]), tuple(values[self._channels :])))
+
+
 def jog(
-    rig: Rig, actuator: str, value: str, duration: str | None, how: Launch, on_event: OnEvent
+    rig: Rig,
+    actuator: str,
+    value: str,
+    duration: str | None,
+    how: Launch,
+    on_event: OnEvent,
+    on_sample: OnSample | None = None,
 ) -> RunResult:
     """Command one actuator, for a time or until the operator ends it; every output is safe afterwards.
 
-    Interlocks act as in a run: a limit that is already exceeded prevents it, one that trips ends it.
+    Interlocks act as in a run: a limit that is already exceeded prevents it, one that trips ends it. A
+    `RigctlError` of `on_sample` ends it, too.
 
     Raises
     ------
@@ -58,7 +80,7 @@ def jog(
         result = run(
             plan,
             backend,
-            Unrecorded(on_event),
+            Unrecorded(on_event) if on_sample is None else _Watched(rig, on_event, on_sample),
             operator=how.operator,
             controls=controls,
             observer=how.observer,

@@ -41,6 +41,8 @@ def application(site: Site, keys: Keys, hosts: Collection[str], *, secure: bool)
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         yield
+        for end in site.at_end:
+            end()
         site.jobs.close()
 
     routes: list[BaseRoute] = [

@@ -376,8 +376,19 @@ def _measure(line: Mapping[str, Any]) -> str:
 
 def about(header: RunHeader) -> dict[str, Any]:
     """The description of a run for plots: channels with their limits and set-points, and commands."""
-    rig = _rig(header)
-    layout = header.layout
+    return {
+        "run": header.id,
+        "procedure": header.procedure.name,
+        "rig": header.rig.name,
+        "backend": dict(header.backend),
+        "operator": header.operator,
+        "started": header.started.isoformat(timespec="seconds"),
+        **columns_of(_rig(header), header.layout),
+    }
+
+
+def columns_of(rig: Rig | None, layout: Layout) -> dict[str, Any]:
+    """The ``channels`` of a bench with their limits and set-points, and its ``commands``."""
     roles = [] if rig is None else [rig.roles.set_pressure]
     follows = {role.channel: role.actuator for role in roles if role is not None}
     channels = [
@@ -399,16 +410,7 @@ def about(header: RunHeader) -> dict[str, Any]:
         }
         for name in layout.commands
     ]
-    return {
-        "run": header.id,
-        "procedure": header.procedure.name,
-        "rig": header.rig.name,
-        "backend": dict(header.backend),
-        "operator": header.operator,
-        "started": header.started.isoformat(timespec="seconds"),
-        "channels": channels,
-        "commands": commands,
-    }
+    return {"channels": channels, "commands": commands}
 
 
 def _rig(header: RunHeader) -> Rig | None:

@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.write import to_json
 from rigctl.json_values import parse_json
+from rigctl.web.by_hand import ByHand
 from rigctl.web.lease import Lease
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Part, Site
@@ -44,6 +45,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
     live = Live(site)
     return (
         get("/api/live", live.runs),
+        *live.by_hand.routes(),
         get("/api/live/{run}", live.snapshot),
         post("/api/live/lease", live.lease_asked),
         post("/api/live/off", live.off, reserved=True),
@@ -59,6 +61,7 @@ class Live:
     def __init__(self, site: Site) -> None:
         self._site = site
         self._lease = Lease()
+        self.by_hand = ByHand(site, self._lease)
         self._feeds: dict[str, Feed] = {}
         self._lock = threading.Lock()
         self._found: tuple[float, list[Path]] = (-1e9, [])
@@ -123,6 +126,7 @@ class Live:
         from rigctl.runner.bench_access import Access, bench_options
         from rigctl.runner.switch_off import switch_off
 
+        self.by_hand.leave()
         rig = self._bench(request)
         kind = rig.backend_named()
         access = Access(runs=self._site.project.runs, backend=kind, options=bench_options(kind, rig))

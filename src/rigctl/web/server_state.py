@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -27,10 +27,12 @@ class Site:
     ----------
     project: its folder, and that of its runs.
     jobs: background jobs.
+    at_end: called when the server ends.
     """
 
     project: Project
     jobs: Jobs
+    at_end: list[Callable[[], None]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._begun = (self.project.root / MARKER).is_file()

@@ -18,6 +18,7 @@ from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
+    from rigctl.backends.protocol import Sample
     from rigctl.rig import Rig
     from rigctl.runner.bench_access import Access
     from rigctl.runner.manual import Reading
@@ -97,6 +98,9 @@ def jog(
     port: Port = None,
     speed: Speed = "1x",
     *,
+    readings: Annotated[
+        bool, typer.Option("--readings", help="Also print each sample, as 'monitor' does.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Move one actuator by hand, within its range and under the interlocks; outputs are safe afterwards.
@@ -127,7 +131,8 @@ def jog(
         )
     with Console("operator") as console:
         how = operated(access, console if by_person else AutomaticOperator(), console)
-        result = carry_out(bench, actuator, value, duration, how, partial(_print_event, bench))
+        on_sample = partial(_print_sample, bench, _as_json if as_json else _as_line) if readings else None
+        result = carry_out(bench, actuator, value, duration, how, partial(_print_event, bench), on_sample)
     report_end(result, as_json=as_json)
 
 
@@ -303,6 +308,22 @@ def _as_json(rig: Rig, reading: Reading) -> str:
         "alarms": [alarm.message for alarm in reading.alarms if alarm.active],
     }
     return to_json(document, indent=None)
+
+
+def _print_sample(rig: Rig, line: Callable[[Rig, Reading], str], sample: Sample) -> None:
+    """Print a sample while the bench is moved by hand.
+
+    Raises
+    ------
+    RigctlError
+        nobody reads it any more, which ends the movement.
+    """
+    from rigctl.runner.manual import Reading
+
+    try:
+        echo(line(rig, Reading(sample, ())))
+    except OSError as error:
+        raise RigctlError("the readings are no longer read", exit_code=ExitCode.FAILED) from error
 
 
 def _print_event(rig: Rig, time: float, kind: str, fields: Mapping[str, Any]) -> None:

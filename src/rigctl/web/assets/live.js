@@ -1,6 +1,8 @@
 // The run in progress: state, steps, a live plot of each channel, and the controls, held by one window.
 import { api, button, clock, colour, command, complain, h, settle, tag, viewer, wait } from "./lib.js";
+import { byHand } from "./live/by_hand.js";
 import { plot } from "./plot.js";
+import { asPoints, draggable, dropPlace, makeChoice, pointPlot } from "./xy.js";
 
 const WINDOWS = [[10, "10 s"], [30, "30 s"], [60, "1 min"], [300, "5 min"], [900, "15 min"]];
 const ENDED = ["finished", "failed", "aborted"];
@@ -214,14 +216,15 @@ export const show = async (container) => {
   const commands = h("dl", { class: "facts commands" });
   const events = h("ul", { class: "events", tabindex: "0", "aria-label": "Events, newest first" });
   const plots = h("div", { class: "plots" });
+  const overWhat = h("span"); // one channel over another
+  const together = h("div");
   const beside = h("aside", { class: "live-side" },
-    h("section", { class: "panel" }, h("h2", {}, "Steps"), tree),
+    h("section", { class: "panel of-run" }, h("h2", {}, "Steps"), tree),
     h("section", { class: "panel" }, h("h2", {}, "Outputs"), commands),
-    h("section", { class: "panel" }, h("h2", {}, "Events"), events));
+    h("section", { class: "panel of-run" }, h("h2", {}, "Events"), events));
   const idle = h("div", { class: "panel idle" });
   const body = h("div", { class: "split live", hidden: true },
-    h("div", {}, h("div", { class: "toolbar" }, h("label", { for: "span" }, "Shown"), span), plots), beside);
-  container.replaceChildren(head, idle, body);
+    h("div", {}, h("div", { class: "toolbar" }, h("label", { for: "span" }, "Shown"), span, overWhat), together, plots), beside);
 
   const showLease = (granted) => {
     lease = granted;
@@ -315,7 +318,24 @@ export const show = async (container) => {
     return `to ${Number(one.to.toPrecision(5))}${within} ${panel.unit}`.trimEnd();
   };
 
+  // One channel over another, as chosen from the lists, or by dragging one channel onto the plot of another.
+  let choice = null;
+  let points = null;
+  const showTogether = (y, x) => {
+    points?.remove();
+    points = null;
+    together.replaceChildren();
+    if (!x || x === y) return;
+    points = pointPlot(choice, [{ label: y }], { zoom: false, legend: false });
+    together.append(dropPlace(h("section", { class: "panel together", "aria-label": `${y} over ${x}` }, points.element), (name, low) => (low ? choice.set(null, name) : choice.set(name, null))));
+    dirty = true;
+  };
+  const columnOf = (name) => samples.columns[1 + about.channels.findIndex((one) => one.name === name)] ?? [];
+
   const build = () => {
+    choice = makeChoice(about.channels, "time", showTogether);
+    overWhat.replaceChildren(choice.element);
+    showTogether("", "");
     for (const panel of panels) panel.plot.remove();
     const names = about.channels.map((channel) => channel.name);
     panels = about.channels.map((channel, index) => {
@@ -341,12 +361,14 @@ export const show = async (container) => {
         hooks: () => ({ draw: [limitLines(channel.limits), setPointLines(channel.name)] }),
       });
       const box = h("section", { class: "panel channel", "data-channel": channel.name },
-        h("header", { class: "channel-head" }, h("h3", {}, channel.name.replaceAll("_", " ")), value, wanted, h("span", { class: "note limits" }, limitText(channel.limits, unit))), drawn.element);
+        h("header", { class: "channel-head" }, draggable(h("h3", {}, channel.name.replaceAll("_", " ")), channel.name), value, wanted, h("span", { class: "note limits" }, limitText(channel.limits, unit))), drawn.element);
+      dropPlace(box, (name) => choice.set(channel.name, name));
       return { channel, unit, plot: drawn, box, value, wanted, index: index + 1, follows: follows < 0 ? -1 : 1 + names.length + follows };
     });
     plots.replaceChildren(...panels.map((panel) => panel.box));
     commands.replaceChildren(...about.commands.map((one) => h("div", {}, h("dt", {}, one.name.replaceAll("_", " ")), h("dd", { "data-command": one.name }, "–"))));
     title.textContent = about.run;
+    for (const one of beside.querySelectorAll(".of-run")) one.hidden = !run;
     subtitle.textContent = [about.procedure, about.rig, about.backend.kind, about.operator && `by ${about.operator}`].filter(Boolean).join(" · ");
   };
 
@@ -361,9 +383,10 @@ export const show = async (container) => {
       panel.wanted.textContent = target(panel);
       panel.value.textContent = shown(samples.columns[panel.index]?.[last], panel.unit, panel.channel.places);
     }
+    points?.set(asPoints([{ x: columnOf(choice.x), y: columnOf(choice.y) }]));
     about.commands.forEach((one, index) => {
       const cell = commands.children[index]?.lastElementChild;
-      if (cell && !state?.ended) cell.textContent = position(one, samples.columns[1 + about.channels.length + index]?.[last]);
+      if (cell && !state?.ended) cell.textContent = hand.watched ? hand.outputs[one.name] ?? "–" : position(one, samples.columns[1 + about.channels.length + index]?.[last]);
     });
     if (samples.newest !== null) {
       drawnAt.push([samples.newest, (performance.timeOrigin + performance.now()) / 1000]);
@@ -440,13 +463,15 @@ export const show = async (container) => {
     if (running.length && (!run || (state?.ended && !running.includes(run)))) watch(running[0]);
     if (!run) {
       idle.hidden = false;
-      body.hidden = true;
+      body.hidden = !hand.watched;
       title.textContent = "No run is in progress";
       subtitle.textContent = "What a bench does is shown here as soon as one begins.";
       stateTag.replaceChildren(tag("idle"));
-      for (const one of [second, pause, goOn, abort]) one.hidden = true;
+      for (const one of [pause, goOn, abort]) one.hidden = true;
       idleText();
-    } else second.hidden = false;
+    }
+    second.hidden = false;
+    progress.hidden = left.hidden = !run;
   };
 
   const hear = (data) => {
@@ -460,9 +485,13 @@ export const show = async (container) => {
     else if (message.kind === "lease") showLease(message.lease);
     else if (message.kind === "run") {
       about = message.run;
+      if (!run) samples.begin(0);
       body.hidden = false;
-      idle.hidden = true;
+      idle.hidden = Boolean(run);
       build();
+    } else if (message.kind === "left") {
+      about = null;
+      body.hidden = true;
     } else if (message.kind === "state" && message.state.state) {
       state = message.state;
       showState();
@@ -479,6 +508,8 @@ export const show = async (container) => {
     } else if (message.kind === "refused") settle("refused", message.refused);
   };
 
+  const hand = byHand(hear, () => !run);
+  container.replaceChildren(head, idle, hand.element, body);
   const width = () => Math.round(panels[0]?.plot.element.clientWidth || container.clientWidth / 2 || 600);
   const line = new Line(hear, () => ({ run, window: window_, width: width() }));
   let resized = null;

@@ -1,0 +1,408 @@
+"""The bench while no run is in progress: its readings, and single outputs moved by hand, on the page Live.
+
+Each is a command of rigctl in a process of its own: `rigctl monitor` while the bench is watched, and `rigctl
+jog … --for` for a movement, which ends by itself and leaves the outputs safe, whatever becomes of the page, of
+the network or of this server: a command whose readings nobody takes any more ends. Nothing moves before the
+window that has the controls has opened them, on a real bench by typing its name.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.child_process import module_command
+from rigctl.command_line import command
+from rigctl.errors import ExitCode, RigctlError, unknown_name
+from rigctl.json_values import parse_json
+from rigctl.web.lease import Lease
+from rigctl.web.request_handling import PageRequest, get, post
+from rigctl.web.server_state import Site
+
+if TYPE_CHECKING:
+    from starlette.routing import BaseRoute
+
+    from rigctl.rig import Rig
+
+#: s without a request after which a window counts as gone: a page asks several times a second
+_GONE: Final = 5.0
+_LOOK: Final = 0.25
+#: s of the longest movement by one press
+_LONGEST: Final = 10.0
+#: samples and messages that are kept
+_MOST_ROWS: Final = 6000
+_MOST_MESSAGES: Final = 50
+#: s that the end of the server waits for a command; it makes the outputs safe without being waited for, too
+_PATIENCE: Final = 3.0
+
+
+@dataclass
+class _Command:
+    """A command that has the bench, and what it has said so far."""
+
+    words: Sequence[str]
+    process: subprocess.Popen[str]
+    answer: list[str] = field(default_factory=list)  #: lines that are no sample
+    samples: int = 0
+    asked_to_end: bool = False
+
+    @property
+    def moves(self) -> bool:
+        return self.words[0] == "jog"
+
+    def end(self) -> None:
+        """Ask it to end as Ctrl-C does; it is never killed, since it makes the outputs safe."""
+        if not self.asked_to_end and self.process.poll() is None:
+            self.asked_to_end = True
+            self.process.send_signal(getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM))
+
+
+class ByHand:
+    """The project's bench, operated by hand by one window.
+
+    Parameters
+    ----------
+    lease: the right to command, common with that to command runs.
+    """
+
+    def __init__(self, site: Site, lease: Lease) -> None:
+        self._site = site
+        self._lease = lease
+        self._lock = threading.RLock()
+        self._command: _Command | None = None
+        self._next: Sequence[str] | None = None  # begins once the command has ended
+        self._monitor: Sequence[str] = ()
+        self._opener = ""  # the window that has opened the controls
+        self._asked: dict[str, float] = {}  # when each window asked last
+        self._began = monotonic()
+        self._rows: deque[list[float | None]] = deque(maxlen=_MOST_ROWS)
+        self._outputs: Mapping[str, str] = {}
+        self._alarms: Sequence[str] = ()
+        self._messages: deque[tuple[float, str]] = deque(maxlen=_MOST_MESSAGES)
+        self._unsafe = ""  # what may still be on
+        site.at_end.append(self._end)
+
+    def routes(self) -> Sequence[BaseRoute]:
+        """The routes; they come before those of a run, which may have any name."""
+        return (
+            get("/api/live/bench", self.state),
+            post("/api/live/bench/watch", self.watch),
+            post("/api/live/bench/open", self.open_controls),
+            post("/api/live/bench/move", self.move),
+            post("/api/live/bench/stop", self.stop),
+            post("/api/live/bench/close", self.close),
+        )
+
+    # --- requests of a page -------------------------------------------------------------------------------
+
+    def state(self, request: PageRequest) -> dict[str, Any]:
+        """The bench, and what has been read since the time ``after``, s."""
+        try:
+            rig = self._rig()
+        except RigctlError as problem:
+            return {"rig": None, "why": str(problem)}
+        try:
+            after = float(request.text("after", "-inf"))
+        except ValueError:
+            after = float("-inf")
+        with self._lock:
+            self._asked[request.viewer] = monotonic()
+            if self._lease.told(request.viewer)["mine"]:  # without a socket, asking shows that it is there
+                self._lease.take(request.viewer, over=False)
+            doing = self._command
+            return {
+                "rig": rig.name,
+                "real": _is_real(rig),
+                "about": _about(rig),
+                "knobs": _knobs(rig),
+                "longest": _LONGEST,
+                "watched": doing is not None,
+                "moving": doing is not None and doing.moves,
+                "command": command(doing.words) if doing is not None else "",
+                "open": bool(self._opener) and self._opener == request.viewer,
+                "rows": [row for row in self._rows if row[0] is not None and row[0] > after],
+                "outputs": dict(self._outputs),
+                "alarms": list(self._alarms),
+                "messages": [{"time": time, "text": text} for time, text in self._messages],
+                "unsafe": self._unsafe,
+            }
+
+    def watch(self, request: PageRequest) -> dict[str, Any]:
+        """Begin to read the bench; its outputs are in their safe state."""
+        self._rig()
+        with self._lock:
+            self._lease.take(request.viewer, over=False)
+            if self._command is not None:
+                raise RigctlError(
+                    "the bench is watched already, or just being left",
+                    hint="Try again in some seconds",
+                    exit_code=ExitCode.FAILED,
+                )
+            self._asked = {request.viewer: monotonic()}
+            self._began = monotonic()
+            self._rows.clear()
+            self._messages.clear()
+            self._outputs, self._alarms, self._unsafe = {}, (), ""
+            self._monitor = ("monitor", *self._named())
+            self._start((*self._monitor, "--json"))
+        threading.Thread(target=self._mind, name="bench by hand", daemon=True).start()
+        return {"command": command(self._monitor)}
+
+    def open_controls(self, request: PageRequest) -> dict[str, Any]:
+        """Allow this window to move outputs: on a real bench only for its name, typed."""
+        rig = self._rig()
+        if _is_real(rig) and request.text("rig", "").strip() != rig.name:
+            raise RigctlError(
+                "the controls of a real bench are opened by its name", expected=f"'{rig.name}', as it stands"
+            )
+        with self._lock:
+            self._lease.take(request.viewer, over=False)
+            if self._command is None:
+                raise RigctlError("the bench is not watched", exit_code=ExitCode.FAILED)
+            self._opener = request.viewer
+        return {"open": True}
+
+    def move(self, request: PageRequest) -> dict[str, Any]:
+        """Move one output for a time; then all outputs are safe again."""
+        rig = self._rig()
+        name, value, duration = _movement(rig, request)
+        with self._lock:
+            self._lease.take(request.viewer, over=False)
+            if not self._opener or self._opener != request.viewer:
+                raise RigctlError("this window has not opened the controls", exit_code=ExitCode.FAILED)
+            if self._command is None or self._command.moves or self._next is not None:
+                raise RigctlError("a movement is in progress", exit_code=ExitCode.FAILED)
+            options = ("--for", duration, *self._named())
+            self._next = ("jog", *options, "--readings", "--json", "--", name, value)
+            self._command.end()
+        moved = ("--", name, value) if value.startswith("-") else ()
+        return {"command": command(("jog", *options, *moved) if moved else ("jog", name, value, *options))}
+
+    def stop(self, request: PageRequest) -> dict[str, Any]:
+        """End a movement now, from any window."""
+        with self._lock:
+            if self._next is not None and self._next[0] == "jog":
+                self._next = None  # it has not begun
+            if self._command is not None and self._command.moves:
+                self._command.end()
+        return {}
+
+    def close(self, request: PageRequest) -> dict[str, Any]:
+        """Leave the bench, from the window that operates it, or from any when that one is gone."""
+        with self._lock:
+            self._lease.take(request.viewer, over=False)
+            self.leave()
+            self._lease.give(request.viewer)
+        return {}
+
+    # --- inside -------------------------------------------------------------------------------------------
+
+    def leave(self) -> None:
+        """End what has the bench, without waiting for it; nothing begins after it."""
+        with self._lock:
+            self._next, self._opener = None, ""
+            if self._command is not None:
+                self._command.end()
+
+    def _end(self) -> None:
+        self.leave()
+        doing = self._command
+        if doing is not None:
+            try:
+                doing.process.wait(_PATIENCE)
+            except subprocess.TimeoutExpired:
+                return  # it has no reader from now on, and ends by itself
+
+    def _rig(self) -> Rig:
+        """The project's bench.
+
+        Raises
+        ------
+        RigctlError
+            it has none, or several.
+        """
+        from rigctl.rig import load_rig
+
+        root = self._site.require_project()
+        named = self._named()
+        return load_rig(root / named[1] if named else self._site.project.rig or root)
+
+    def _named(self) -> tuple[str, ...]:
+        """The option that names the only rig of a project that does not name one itself."""
+        if self._site.project.rig is not None:
+            return ()
+        paths = sorted((self._site.project.root / "rigs").glob("*.yaml"))
+        if len(paths) != 1:
+            raise RigctlError(
+                "which bench is meant is not known", hint='rig = "rigs/NAME.yaml" in rigctl.toml says it'
+            )
+        return ("--rig", f"rigs/{paths[0].name}")
+
+    def _start(self, words: Sequence[str]) -> None:
+        """Start a command in a process that no Ctrl-C of this server's terminal reaches."""
+        group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+        process = subprocess.Popen(  # noqa: S603 - this program, no shell
+            module_command("rigctl", *words),
+            cwd=self._site.project.root,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            creationflags=group,
+            start_new_session=not group,
+        )
+        self._command = doing = _Command(words, process)
+        threading.Thread(target=self._listen, args=(doing,), name="readings", daemon=True).start()
+
+    def _listen(self, doing: _Command) -> None:
+        """Take what a command says until it ends, and start the next one."""
+        assert doing.process.stdout is not None  # noqa: S101 - opened as pipes
+        assert doing.process.stderr is not None  # noqa: S101
+        errors = threading.Thread(target=self._hear, args=(doing,), daemon=True)
+        errors.start()
+        first: float | None = None
+        for line in doing.process.stdout:
+            sample = _sample(line)
+            if sample is None:
+                doing.answer.append(line)
+                continue
+            if first is None:  # each command counts from its own beginning
+                first = monotonic() - self._began - float(sample["time"])
+            doing.samples += 1
+            with self._lock:
+                self._rows.append([first + float(sample["time"]), *sample["channels"].values()])
+                self._outputs = sample["commands"]
+                self._alarms = sample["alarms"]
+        doing.process.wait()
+        errors.join(_PATIENCE)
+        for stream in (doing.process.stdout, doing.process.stderr):
+            stream.close()
+        with self._lock:
+            self._ended(doing)
+
+    def _hear(self, doing: _Command) -> None:
+        assert doing.process.stderr is not None  # noqa: S101
+        for line in doing.process.stderr:
+            if line.strip():
+                self._say(line.strip().removeprefix("rigctl: "))
+
+    def _say(self, text: str) -> None:
+        with self._lock:
+            self._messages.append((monotonic() - self._began, text))
+
+    def _ended(self, doing: _Command) -> None:
+        """What follows a command: the movement that was asked for, or watching again after one."""
+        self._command, following, self._next = None, self._next, None
+        self._outputs = {}
+        answer = _answer(doing)
+        if (why := answer.get("reason") or answer.get("error", {}).get("message")) and not doing.asked_to_end:
+            self._say(str(why))
+        if self._rows:  # no line across the time in which nothing is read
+            self._rows.append([monotonic() - self._began, *[None] * (len(self._rows[-1]) - 1)])
+        if doing.moves:
+            self._unsafe = _unsafe(doing, answer)
+        if self._unsafe or (not doing.moves and not doing.asked_to_end):
+            self._opener = ""  # it has failed, and its messages say why
+        elif following is not None:
+            self._start(following)
+        elif self._opener:  # watching again, after a movement or one that was stopped before it began
+            self._start((*self._monitor, "--json"))
+
+    def _mind(self) -> None:
+        """Leave the bench when the windows are gone, and close the controls of one that is."""
+        while True:
+            threading.Event().wait(_LOOK)
+            with self._lock:
+                if self._command is None:
+                    return
+                now = monotonic()
+                self._asked = {viewer: at for viewer, at in self._asked.items() if now - at < _GONE}
+                commands = bool(self._lease.told(self._opener)["mine"]) if self._opener else False
+                if not self._asked or (self._opener and not (self._opener in self._asked and commands)):
+                    self.leave()
+
+
+def _is_real(rig: Rig) -> bool:
+    from rigctl.runner.bench_access import UNREAL
+
+    return rig.backend.kind not in UNREAL
+
+
+def _about(rig: Rig) -> dict[str, Any]:
+    """The description of the bench for plots, as that of a run."""
+    from rigctl.web.feed import columns_of
+
+    columns = columns_of(rig, rig.layout)
+    for channel in columns["channels"]:
+        channel["set_point"] = None  # outputs come as words
+    return {"run": rig.name, "procedure": "", "rig": "", "backend": {"kind": rig.backend.kind}, **columns}
+
+
+def _knobs(rig: Rig) -> list[dict[str, Any]]:
+    """What can be moved from here: what a person turns at the bench cannot."""
+    from rigctl.rig.setting import POSITIONS
+    from rigctl.units import parse_unit
+
+    knobs = []
+    for name, actuator in rig.actuators.items():
+        if actuator.by == "operator":
+            continue
+        safe = rig.safe_state.get(name)
+        unit = parse_unit(actuator.display_unit)
+        ends = [None if end is None else unit.from_si(end) for end in (actuator.low, actuator.high)]
+        words = [word for word, value in POSITIONS.get(actuator.kind, {}).items() if value != safe]
+        knobs.append({"name": name, "positions": words, "unit": actuator.display_unit, "ends": ends})
+    return knobs
+
+
+def _movement(rig: Rig, request: PageRequest) -> tuple[str, str, str]:
+    """The output, its value and the duration of a movement that is asked for.
+
+    Raises
+    ------
+    RigctlError
+        no such output, a value that it cannot take, or a time that is too long.
+    """
+    name, value, seconds = request.text("actuator"), request.text("value"), request.body.get("seconds")
+    known = [knob["name"] for knob in _knobs(rig)]
+    if name not in known:
+        raise unknown_name("output", name, known)
+    rig.actuators[name].read(value)
+    if not isinstance(seconds, int | float) or isinstance(seconds, bool) or not 0.0 < seconds <= _LONGEST:
+        wanted = f"more than 0 s, at most {_LONGEST:g} s"
+        raise RigctlError("how long the output is moved", value=str(seconds), expected=wanted)
+    return name, value, f"{seconds:g} s"
+
+
+def _sample(line: str) -> dict[str, Any] | None:
+    if not line.startswith('{"time"'):
+        return None
+    try:
+        sample = parse_json(line)
+    except ValueError:
+        return None
+    return sample if isinstance(sample, dict) else None
+
+
+def _answer(doing: _Command) -> dict[str, Any]:
+    """How a command says that it has ended; empty if it does not."""
+    try:
+        answer = parse_json("".join(doing.answer))
+    except ValueError:
+        return {}
+    return answer if isinstance(answer, dict) else {}
+
+
+def _unsafe(doing: _Command, answer: Mapping[str, Any]) -> str:
+    """The outputs that may still be on after a movement; empty where all are confirmed to be safe."""
+    if not answer and doing.samples:  # without a sample nothing was commanded
+        return f"{doing.words[-2]} (the program that moved it has ended without a word)"
+    return str(answer.get("unconfirmed") or "")
