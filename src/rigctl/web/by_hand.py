@@ -1,9 +1,9 @@
 """The bench while no run is in progress: its readings, and single outputs moved by hand, on the page Live.
 
 Each is a command of rigctl in a process of its own: `rigctl monitor` while the bench is watched, and `rigctl
-jog … --for` for a movement, which ends by itself and leaves the outputs safe, whatever becomes of the page, of
-the network or of this server: a command whose readings nobody takes any more ends. Nothing moves before the
-window that has the controls has opened them, on a real bench by typing its name.
+jog … --for` for a movement, which ends by itself and leaves the outputs safe, whatever becomes of the page,
+of the network or of this server: a command whose readings nobody takes any more ends. Nothing moves before
+the window that has the controls has opened them, on a real bench by typing its name.
 """
 
 from __future__ import annotations

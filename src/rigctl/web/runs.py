@@ -29,6 +29,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
     return (
         get("/api/runs", catalogue.page),
         get("/api/runs/difference", catalogue.difference),
+        get("/api/runs/overlay", catalogue.overlay),
         get("/api/runs/{run}", catalogue.show),
         post("/api/runs/{run}/notes", catalogue.annotate),
         post("/api/runs/{run}/exclude", catalogue.exclude),
@@ -117,6 +118,15 @@ class Catalogue:
         self._site.require_project()
         first, second = (open_run(plain_id(request.text(name)), self._runs) for name in ("first", "second"))
         return difference(first, second)
+
+    def overlay(self, request: PageRequest) -> dict[str, Any]:
+        """Several runs over each other, as picked: one quantity over another, or over time."""
+        from rigctl.dataset import open_run
+        from rigctl.web.overlay import overlay
+
+        self._site.require_project()
+        runs = [open_run(plain_id(one), self._runs) for one in request.text("runs").split(",")]
+        return overlay(runs, request.text("y", ""), request.text("x", ""))
 
     @property
     def _runs(self) -> Path:

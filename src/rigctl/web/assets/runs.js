@@ -1,6 +1,7 @@
 // The catalogue: searched, sorted and paged by the server; one run beside it; two campaigns overlaid.
 import { api, button, clock, command, h, say, scrolling, seldom, tag, wait, word, work } from "./lib.js";
 import { plot } from "./plot.js";
+import { asPoints, draggable, dropPlace, makeChoice, pointPlot } from "./xy.js";
 
 const PAGE = 50;
 const COLUMNS = [
@@ -90,6 +91,7 @@ export const show = async (container) => {
         ? [
             h("span", { class: "note" }, count(ids.length, "run chosen", "runs chosen")),
             button("Compare", () => compare(ids), { disabled: ids.length !== 2, title: "Two campaigns over each other" }),
+            button("Overlay", () => overlay(ids), { disabled: ids.length > 8, title: "These runs over each other" }),
             h("a", { class: "button", href: `/report?${ids.map((id) => `run=${encodeURIComponent(id)}`).join("&")}` }, "Report"),
             button("None", () => {
               chosen.clear();
@@ -285,6 +287,45 @@ export const show = async (container) => {
     );
     draw();
     document.getElementById("difference").scrollIntoView({ block: "nearest" });
+  };
+
+  // The chosen runs over each other: quantities from two lists, or dragged onto the plot.
+  const overlay = async (ids) => {
+    const runs = ids.toSorted();
+    let choice = null;
+    let data = null;
+    const curves = h("div");
+    const caption = h("p", { class: "lead", role: "status" });
+    const same = h("div");
+    const key = h("ul", { class: "key" }, runs.map((id, at) => h("li", { class: `curve-${at % 4}` }, id)));
+    const names = h("ul", { class: "quantities", "aria-label": "Quantities, to be dragged onto the plot" });
+    const draw = () => {
+      const { y, x, kind, series, left_out: out, table } = data;
+      caption.textContent = `${choice.title(y)} over ${x ? choice.title(x) : kind === "curves" ? "time in the record [s]" : "number of the record"}${out ? `; ${out} more records are not drawn` : ""}`;
+      const look = series.map((one) => ({ label: one.run, colour: runs.indexOf(one.run) % 4, dash: runs.indexOf(one.run) > 3 ? [6, 4] : undefined }));
+      const axes = { height: 340, legend: false, describe: caption.textContent, yLabel: choice.title(y), xLabel: x ? choice.title(x) : kind === "curves" ? "time in the record [s]" : "record" };
+      const drawn = kind === "curves" ? plot({ ...axes, series: look.map((one) => ({ width: 1.2, ...one })) }) : pointPlot(choice, look.map((one) => ({ ...one, size: table === "records" ? 8 : 4 })), axes);
+      curves.replaceChildren(dropPlace(drawn.element, (name, low) => (low ? choice.set(null, name) : choice.set(name, null))));
+      if (series.length) drawn.set(kind === "curves" ? [series[0].x, ...series.map((one) => one.y)] : asPoints(series));
+      const columns = ["run", ...(table === "records" || !x ? ["record"] : []), ...(table === "samples" && !x ? ["time"] : []), x, y].filter(Boolean);
+      same.replaceChildren(command(`rigctl runs sql ${word(`SELECT ${columns.join(", ")} FROM ${table} WHERE run IN (${runs.map((id) => `'${id}'`).join(", ")})`)}`));
+    };
+    const fetchData = async (y, x) => {
+      data = await api("/api/runs/overlay", { query: { runs: runs.join(","), y, x } });
+    };
+    const change = (y, x) => fetchData(y, x).then(draw).catch((problem) => say(problem.message, "bad"));
+    await fetchData("", "");
+    choice = makeChoice(data.quantities, "time or number", change);
+    choice.show(data.y, data.x);
+    names.replaceChildren(...data.quantities.map((one) => h("li", {}, draggable(h("span", {}, choice.title(one.name)), one.name))));
+    below.replaceChildren(
+      h("section", { class: "panel", id: "overlay", "aria-label": "Runs over each other" },
+        h("h2", {}, runs.length > 1 ? `${runs.length} runs over each other` : runs[0]),
+        h("div", { class: "toolbar" }, choice.element, button("Close", () => below.replaceChildren(), { class: "push small" })),
+        names, caption, curves, key, same),
+    );
+    draw();
+    document.getElementById("overlay").scrollIntoView({ block: "nearest" });
   };
 
   await load();

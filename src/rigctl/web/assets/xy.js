@@ -53,9 +53,12 @@ export const makeChoice = (quantities, along, changed) => {
   x.addEventListener("change", say);
   return {
     element: h("span", { class: "labelled" }, h("label", { for: `y-${id}` }, "Plot"), y, h("label", { for: `x-${id}` }, "over"), x),
-    set: (toY, toX) => {
+    show: (toY, toX) => {
       y.value = toY ?? y.value;
       x.value = toX ?? x.value;
+    },
+    set(toY, toX) {
+      this.show(toY, toX);
       say();
     },
     get y() {
