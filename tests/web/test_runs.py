@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import chdir
@@ -10,10 +12,12 @@ from pathlib import Path
 import pytest
 
 from commands import answer, told
+from rigctl.dataset import open_run
 from rigctl.dataset.catalogue import page_of_runs
 from rigctl.errors import RigctlError
 from rigctl.project import Project
 from rigctl.web.jobs import Jobs
+from rigctl.web.overlay import overlay
 from rigctl.web.request_handling import PageRequest
 from rigctl.web.runs import Catalogue
 from rigctl.web.server_state import Site
@@ -142,6 +146,71 @@ def test_two_campaigns_are_overlaid_with_their_difference(window: Window, two: t
     # a leak across the piston moves the rod where it rests in a run without the leak
     cells = page.locator("#difference .numbers tbody tr").first.locator("td").all_inner_texts()
     assert abs(float(cells[2])) > 0.1
+
+
+def test_picked_runs_are_drawn_over_each_other(window: Window, two: tuple[str, str]) -> None:
+    page = window.open("/runs")
+    for run in two:
+        page.get_by_label(f"Choose {run}").check()
+    page.get_by_role("button", name="Overlay").click()
+    panel = page.get_by_role("region", name="Runs over each other")
+    panel.locator("canvas").wait_for()
+    assert panel.locator(".key li").all_inner_texts() == sorted(two)
+    panel.get_by_label("Plot", exact=True).select_option("position")
+    panel.get_by_label("over", exact=True).select_option("")
+    panel.get_by_text("position [mm] over time in the record").wait_for()
+    panel.locator(".quantities span", has_text="supply pressure").drag_to(
+        panel.locator(".u-over"), target_position={"x": 300, "y": 250}
+    )
+    panel.get_by_text("position [mm] over supply pressure [bar]").wait_for()
+    panel.get_by_text("FROM samples").wait_for()
+
+
+@pytest.mark.parametrize(
+    ("y", "x", "kind"),
+    [
+        ("position", "", "curves"),
+        ("position", "supply_pressure", "samples"),
+        ("stroke", "supply", "records"),
+        ("stroke", "", "records"),
+        ("stroke", "oil_temperature", "records"),  # a value of each record over the mean of a channel
+    ],
+)
+def test_the_command_beside_an_overlay_lists_what_is_drawn(
+    served: Served, two: tuple[str, str], y: str, x: str, kind: str
+) -> None:
+    runs = [open_run(run, served.project / "runs") for run in two]
+    shown = overlay(runs, y, x)
+    assert shown["kind"] == kind
+    assert {one["run"] for one in shown["series"]} == set(two)
+    words = shlex.split(shown["command"])
+    with chdir(served.project):
+        listed = json.loads(told(*words[1:], "--json"))
+    rows = [dict(zip(listed["columns"], row, strict=True)) for row in listed["rows"]]
+    drawn = sorted(
+        (round(a, 3), round(b, 3))
+        for one in shown["series"]
+        for a, b in zip(one["x"], one["y"], strict=True)
+        if a is not None and b is not None
+    )
+    if kind == "records" and x:
+        assert drawn == sorted((round(row[x], 3), round(row[y], 3)) for row in rows)
+    else:  # thinned, or on a common grid
+        low, high = min(row[y] for row in rows), max(row[y] for row in rows)
+        assert min(b for _, b in drawn) >= low - 1e-3
+        assert max(b for _, b in drawn) <= high + 1e-3
+        assert max(b for _, b in drawn) > low + 0.8 * (high - low)
+
+
+def test_an_overlay_begins_with_a_measure_over_what_was_varied(served: Served, two: tuple[str, str]) -> None:
+    shown = overlay([open_run(two[0], served.project / "runs")])
+    assert (shown["y"], shown["kind"]) == ("stroke", "records")
+    assert shown["left_out"] == 0
+    for y, says in (("strok", "did you mean 'stroke'"), ("name", "unknown quantity")):
+        with pytest.raises(RigctlError, match=says):
+            overlay([open_run(two[0], served.project / "runs")], y)
+    with pytest.raises(RigctlError, match="1 to 8"):
+        overlay([open_run(two[0], served.project / "runs")] * 9)
 
 
 def test_the_catalogue_can_be_used_with_the_keyboard_alone(window: Window, two: tuple[str, str]) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.command_line import command
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import parse_unit
 
@@ -21,10 +23,6 @@ _MOST_CURVES: Final = 60
 #: points of a curve, and of one run where samples are drawn as points
 _POINTS: Final = 240
 _MOST_POINTS: Final = 1500
-#: columns of the table of records that are no quantity of the bench
-_PLAIN: Final = frozenset(
-    {"record", "name", "path", "rate", "start", "end", "outcome", "excluded", "rows", "session"}
-)
 
 
 def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
@@ -36,13 +34,14 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
 
     Parameters
     ----------
-    y: the quantity; by default the last value of the records over the first, otherwise the first channel.
+    y: the quantity; by default the first measure over what was varied first, otherwise the first channel.
     x: what it is drawn over; "" for the time in the record, or its number.
 
     Returns
     -------
-    ``quantities`` with their units, ``y`` and ``x``, ``kind`` (curves or points), the ``table`` that has them,
-    ``left_out``, the number of records that are not drawn, and ``series``: ``run``, ``x``, ``y``.
+    ``quantities`` with their units, ``y`` and ``x``, ``kind`` (curves, samples or records), ``left_out``, the
+    number of records that are not drawn, the ``command`` that lists the same, and ``series``: ``run``, ``x``,
+    ``y``.
 
     Raises
     ------
@@ -52,12 +51,12 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
     if not 0 < len(runs) <= _MOST_RUNS:
         raise RigctlError("runs over each other", value=str(len(runs)), expected=f"1 to {_MOST_RUNS}")
     channels = _channels(runs)
-    values = {name: unit for run in runs for name, unit in _values(run).items() if name not in channels}
-    quantities = {**values, **channels}
+    varied, measures = _values(runs, "sweep"), _values(runs, "measure")
+    quantities = {**varied, **measures, **channels}
     if not quantities:
         raise RigctlError("these runs have nothing that can be drawn")
     if not y:
-        y, x = (list(values)[-1], next(iter(values))) if len(values) > 1 else (next(iter(quantities)), "")
+        y, x = (*measures, *channels, *varied)[0], next(iter(varied), "") if measures else ""
     for name in (y, x):
         if name and name not in quantities:
             raise unknown_name("quantity", name, quantities)
@@ -71,11 +70,32 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
         "quantities": [{"name": name, "unit": unit} for name, unit in quantities.items()],
         "y": y,
         "x": x,
-        "kind": "curves" if curves else "points",
-        "table": "samples" if of_samples else "records",
+        "kind": "curves" if curves else "samples" if of_samples else "records",
         "left_out": records - drawn,
+        "command": command(
+            ("runs", "sql", _query(runs, [name for name in (x, y) if name], channels, curves=curves))
+        ),
         "series": series,
     }
+
+
+def _query(runs: Sequence[Run], names: Sequence[str], channels: Mapping[str, str], *, curves: bool) -> str:
+    """The SQL that lists what is drawn; a channel beside values of records by its mean."""
+    of_samples = [name in channels for name in names]
+    listed, table, tail = [_column(name) for name in names], "records", []
+    where = ["run IN (" + ", ".join(f"'{run.id}'" for run in runs) + ")"]
+    if all(of_samples):
+        listed, table = [*(["time"] if curves else []), *listed], "samples"
+        where = ["record >= 0 AND", *where]
+    elif any(of_samples):
+        means = ["avg(samples." if mean else "any_value(records." for mean in of_samples]
+        listed = [f"{mean}{name}) AS {name}" for mean, name in zip(means, listed, strict=True)]
+        table, tail = "records LEFT JOIN samples USING (run, record)", ["GROUP BY run, record"]
+    return " ".join(["SELECT", ", ".join(["run", "record", *listed]), "FROM", table, "WHERE", *where, *tail])
+
+
+def _column(name: str) -> str:
+    return name if re.fullmatch(r"[a-z_][a-z0-9_]*", name) else f'"{name}"'
 
 
 def _channels(runs: Sequence[Run]) -> dict[str, str]:
@@ -83,13 +103,13 @@ def _channels(runs: Sequence[Run]) -> dict[str, str]:
     return {name: run.layout.unit(name) for run in runs if run.info["rows"] for name in run.layout.channels}
 
 
-def _values(run: Run) -> dict[str, str]:
-    """The numbers that each record of a run has once, and their units."""
-    frame, units = run.records, run.record_units
+def _values(runs: Sequence[Run], kind: str) -> dict[str, str]:
+    """The numbers that each record has once, and their units: those of its ``sweep``, or each ``measure``."""
     return {
-        name: units.get(name, "1")
-        for name in frame.columns
-        if name not in _PLAIN and frame[name].dtype.kind in "fiu"
+        column.name: run.record_units.get(column.name, "1")
+        for run in runs
+        for column in run.table("records").schema
+        if (column.metadata or {}).get(b"kind", b"").decode() == kind
     }
 
 
@@ -113,7 +133,8 @@ def _curves(runs: Sequence[Run], y: str, x: str, units: Mapping[str, str]) -> li
     import numpy as np
 
     most = _limit(runs, curves=True)
-    read = [(run, record) for run in runs for record in run.each(run.usable[:most])]
+    with_samples = [run for run in runs if run.info["rows"]]
+    read = [(run, one) for run in with_samples for one in run.each(run.usable[:most]) if one.time.size]
     longest = max((float(record.time[-1] - record.time[0]) for _, record in read), default=0.0)
     grid = np.linspace(0.0, longest, _POINTS)
     series = []

@@ -300,15 +300,14 @@ export const show = async (container) => {
     const key = h("ul", { class: "key" }, runs.map((id, at) => h("li", { class: `curve-${at % 4}` }, id)));
     const names = h("ul", { class: "quantities", "aria-label": "Quantities, to be dragged onto the plot" });
     const draw = () => {
-      const { y, x, kind, series, left_out: out, table } = data;
+      const { y, x, kind, series, left_out: out } = data;
       caption.textContent = `${choice.title(y)} over ${x ? choice.title(x) : kind === "curves" ? "time in the record [s]" : "number of the record"}${out ? `; ${out} more records are not drawn` : ""}`;
       const look = series.map((one) => ({ label: one.run, colour: runs.indexOf(one.run) % 4, dash: runs.indexOf(one.run) > 3 ? [6, 4] : undefined }));
       const axes = { height: 340, legend: false, describe: caption.textContent, yLabel: choice.title(y), xLabel: x ? choice.title(x) : kind === "curves" ? "time in the record [s]" : "record" };
-      const drawn = kind === "curves" ? plot({ ...axes, series: look.map((one) => ({ width: 1.2, ...one })) }) : pointPlot(choice, look.map((one) => ({ ...one, size: table === "records" ? 8 : 4 })), axes);
+      const drawn = kind === "curves" ? plot({ ...axes, series: look.map((one) => ({ width: 1.2, ...one })) }) : pointPlot(choice, look.map((one) => ({ ...one, size: kind === "records" ? 8 : 4 })), axes);
       curves.replaceChildren(dropPlace(drawn.element, (name, low) => (low ? choice.set(null, name) : choice.set(name, null))));
       if (series.length) drawn.set(kind === "curves" ? [series[0].x, ...series.map((one) => one.y)] : asPoints(series));
-      const columns = ["run", ...(table === "records" || !x ? ["record"] : []), ...(table === "samples" && !x ? ["time"] : []), x, y].filter(Boolean);
-      same.replaceChildren(command(`rigctl runs sql ${word(`SELECT ${columns.join(", ")} FROM ${table} WHERE run IN (${runs.map((id) => `'${id}'`).join(", ")})`)}`));
+      same.replaceChildren(command(data.command));
     };
     const fetchData = async (y, x) => {
       data = await api("/api/runs/overlay", { query: { runs: runs.join(","), y, x } });
