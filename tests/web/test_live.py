@@ -80,6 +80,7 @@ def test_two_windows_see_the_same_and_one_commands(window: Window, cookie: str, 
     one.get_by_role("button", name="Take").click()  # a window of an earlier test may still hold them
     one.get_by_text("This window has the controls").wait_for()
     one.get_by_role("button", name="Pause").click()
+    one.get_by_text(f"rigctl pause {running.id}").wait_for()
     two.locator(".run-state", has_text="paused").wait_for()
     wait_for(lambda: running.state() == "paused")
     two.get_by_text("has the controls").wait_for()

@@ -129,6 +129,15 @@ export const command = (text) => {
   return h("p", { class: "command" }, code, copy);
 };
 
+// The command equivalent to what was just done; the next one takes its place.
+let done = null;
+export const sameAs = (text) => {
+  done?.remove();
+  const box = (done = say("At a terminal:"));
+  box.firstElementChild.after(command(text));
+  setTimeout(() => box.remove(), 15000);
+};
+
 // A word for a shell, quoted if necessary.
 export const word = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 

@@ -1,5 +1,5 @@
 // The run in progress: state, steps, a live plot of each channel, and the controls, held by one window.
-import { api, button, clock, colour, command, complain, h, settle, tag, viewer, wait } from "./lib.js";
+import { api, button, clock, colour, command, complain, h, sameAs, settle, tag, viewer, wait } from "./lib.js";
 import { byHand } from "./live/by_hand.js";
 import { plot } from "./plot.js";
 import { asPoints, draggable, dropPlace, makeChoice, pointPlot } from "./xy.js";
@@ -169,6 +169,7 @@ export const show = async (container) => {
   const request = (wanted) => async () => {
     const { answer } = await api(`/api/live/${encodeURIComponent(run)}/request`, { method: "POST", body: { request: wanted } });
     settle("answer", `${run}: ${answer}`);
+    sameAs(`rigctl ${wanted} ${run}`);
     setTimeout(() => settle("answer", null), 6000);
   };
   const pause = button("Pause", request("pause"), { title: "rigctl pause" });
@@ -196,6 +197,7 @@ export const show = async (container) => {
   const off = button("Everything off", async () => {
     const done = await api("/api/live/off", { method: "POST", body: run ? { run } : {} });
     settle("off", done.done);
+    sameAs("rigctl off");
     if (done.confirmed) setTimeout(() => settle("off", null), 8000);
   }, { class: "danger solid", title: "rigctl off: all outputs to their safe state, now, by any window" });
   const leaseText = h("span", { class: "note", role: "status" });

@@ -1,5 +1,5 @@
 // The catalogue: searched, sorted and paged by the server; one run beside it; two campaigns overlaid.
-import { api, button, clock, command, h, say, scrolling, seldom, tag, wait, word, work } from "./lib.js";
+import { api, button, clock, command, h, sameAs, say, scrolling, seldom, tag, wait, word, work } from "./lib.js";
 import { plot } from "./plot.js";
 import { asPoints, draggable, dropPlace, makeChoice, pointPlot } from "./xy.js";
 
@@ -190,6 +190,7 @@ export const show = async (container) => {
     const text = h("input", { type: "text", id: "note", placeholder: "new piston seals" });
     const note = async () => {
       await api(`/api/runs/${encodeURIComponent(id)}/notes`, { method: "POST", body: { text: text.value } });
+      sameAs(`rigctl runs annotate ${id} ${word(text.value)}`);
       await detail(id);
       load();
     };
@@ -231,6 +232,7 @@ export const show = async (container) => {
       const reason = window.prompt(undo ? `Why take record ${record} back into analysis?` : `Why leave record ${record} out of analysis? The reason is kept with it.`);
       if (!reason) return;
       await api(`/api/runs/${encodeURIComponent(id)}/exclude`, { method: "POST", body: { record, reason, undo } });
+      sameAs(`rigctl runs exclude ${id} ${record} --reason ${word(reason)}${undo ? " --undo" : ""}`);
       await detail(id);
       load();
     };
