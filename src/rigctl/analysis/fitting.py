@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -228,17 +228,20 @@ def fit_model(
     held_out: Sequence[int] = (),
     *,
     refit: bool = True,
+    known: Mapping[str, float] | None = None,
     on_progress: OnProgress = no_progress,
     iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
     """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`.
 
     Without `refit` the properties of the logger are still fitted, such as the delay with which it writes
-    switches.
+    switches. Those `known`, by name and SI, keep their values.
     """
     problem = make_problem(
         model, measurements, noise.model, noise.ok, grown=noise.grown, progress=on_progress
     )
+    if known:
+        problem = problem.with_known(known)
     return fit_problem(problem, noise, held_out, refit=refit, on_progress=on_progress, iterated=iterated)
 
 
@@ -418,8 +421,7 @@ def _locked_on(fitted: FitResult, on_progress: OnProgress) -> FitResult:
 def _in_noise(problem: Problem, noise: DataNoise, on_progress: OnProgress) -> Problem:
     """The problem with another noise of the same data."""
     again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
-    names = {one.name for one in problem.shared}
-    return again.with_shared([one for one in again.shared if one.name in names])
+    return again.with_unknowns_of(problem)
 
 
 def fit_in_noise(
@@ -433,9 +435,9 @@ def fit_in_noise(
     """The fit repeated with another noise of the same data, starting where it ended."""
     problem = before.problem
     again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
-    kept = () if refit else (*problem.model.fitted, *problem.model.assumed)
-    shared = [one for one in again.shared if one.name not in kept]
-    again = _started_at(again, before, shared)
+    if not refit:
+        again = again.with_unknowns_of(problem)
+    again = _started_at(again, before, again.shared)
     return fit(again, before.held_out, refit=bool(again.shared), local=before.local, progress=iterated)
 
 

@@ -250,6 +250,20 @@ class Problem:
             object.__setattr__(changed, "_recent", self._recent)
         return changed
 
+    def with_known(self, values: Mapping[str, float]) -> Problem:
+        """This problem with `values`, SI, of common unknowns that are no longer unknown."""
+        base = self.base.copy()
+        for name, value in values.items():
+            base[self._index[name]] = value
+        return self.with_shared([one for one in self.shared if one.name not in values], base)
+
+    def with_unknowns_of(self, other: Problem) -> Problem:
+        """This problem with the common unknowns of another of the same model; the others keep their values
+        there."""
+        unknown = {one.name for one in other.shared}
+        known = (one.name for one in self.shared if one.name not in unknown)
+        return self.with_known({name: float(other.base[other._index[name]]) for name in known})
+
     def fresh(self) -> Problem:
         """This problem without remembered evaluations."""
         return replace(self)
