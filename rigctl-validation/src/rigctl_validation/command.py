@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.workers import Cluster, WorkerCount
 from rigctl.errors import RigctlError
 
@@ -85,7 +86,6 @@ def validate(
 
     Example: rigctl validate --tier quick
     """
-    from rigctl.cli.tables import print_json
     from rigctl.files.write import write_text
     from rigctl.tasks import Workers
     from rigctl_validation.tables import page

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.errors import RigctlError
 from rigctl.wording import noun
 
@@ -103,7 +103,6 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
 def _tell_end(result: RunResult, *, as_json: bool) -> None:
     from rigctl.cli.nonblocking_output import finish_display
     from rigctl.cli.views.measures import show_measures
-    from rigctl.files.write import to_json
 
     finish_display()
     if result.unconfirmed is not None:  # before anything that takes time, or may fail
@@ -127,7 +126,7 @@ def _tell_end(result: RunResult, *, as_json: bool) -> None:
             "stuck": stuck,
             "test": test.to_json() if test is not None else None,
         }
-        echo_json(to_json(document))
+        print_json(document)
     else:
         echo(result.summary())
         if result.folder is not None:

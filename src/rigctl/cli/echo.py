@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import typer
 
 from rigctl.printable import printable
@@ -12,6 +15,8 @@ def echo(text: str = "", *, err: bool = False) -> None:
     typer.echo(printable(text, keep="\n\t"), err=err)  # noqa: TID251
 
 
-def echo_json(document: str) -> None:
-    """Print JSON on stdout as it is: it escapes control characters, and programs read the others back."""
-    typer.echo(document)  # noqa: TID251
+def print_json(document: Mapping[str, Any], *, indent: int | None = 2) -> None:
+    """Print one JSON document on stdout; it escapes control characters, and programs read the others back."""
+    from rigctl.files.write import to_json
+
+    typer.echo(to_json(document, indent=indent))  # noqa: TID251

@@ -1,8 +1,7 @@
-"""Tables and JSON documents as every command prints them."""
+"""Tables as every command prints them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -10,16 +9,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from rigctl.cli.echo import echo_json
-from rigctl.files.write import to_json
 from rigctl.printable import printable
 
 _PIPED_WIDTH = 160
-
-
-def print_json(document: Mapping[str, Any]) -> None:
-    """One JSON document on stdout."""
-    echo_json(to_json(document))
 
 
 class PrintableConsole(Console):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.commands.manual import Backend, Port, RigFile, Speed
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import significant
 
@@ -275,10 +275,9 @@ def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
 
 
 def _finish(document: dict[str, Any], *, as_json: bool) -> None:
-    from rigctl.files.write import to_json
 
     if as_json:
-        echo_json(to_json(document))
+        print_json(document)
     elif document["written"]:
         echo(f"written to {document['rig']}; before it: {document['backup']}")
         echo(f"points: {document['points_file']}")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.cli.options.family import FamilyOption, check_family_of
 from rigctl.cli.options.procedure import ArgumentOption
 from rigctl.cli.progress import progress_display
@@ -63,7 +62,7 @@ def _check_other(kind: str, path: Path, rig: Path | None, arg: Sequence[str], *,
 
         document = describe(kind, path)
     if as_json:
-        echo_json(json.dumps(document, indent=1, ensure_ascii=False))
+        print_json(document, indent=1)
     else:
         echo("\n".join(lines(document)))
 
@@ -87,7 +86,7 @@ def _check_procedure(
     warnings = forecast.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:
         document = {"kind": "procedure", **as_document(forecast, warnings)}
-        echo_json(json.dumps(document, indent=1, ensure_ascii=False))
+        print_json(document, indent=1)
         return
     from rigctl.cli.tables import console
 

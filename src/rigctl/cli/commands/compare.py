@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 
@@ -153,7 +154,6 @@ def compare(
 
     with progress_display("Reading the records", "nothing was saved") as on_progress:
         from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
-        from rigctl.cli.tables import print_json
         from rigctl.cli.views.compare import show_comparison, show_fmu_rivals
         from rigctl.command_line import DataOptions
         from rigctl.files.quantity import Q

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.commands.compare import AsPage
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 
@@ -123,7 +124,6 @@ def compensate(
     with progress_display("Reading the records", "nothing was saved") as on_progress:
         from rigctl.cli.analysis_page import require_page, write_page
         from rigctl.cli.commands.compare import open_models, open_runs
-        from rigctl.cli.tables import print_json
         from rigctl.cli.views.compensate import show_schedule
         from rigctl.compensation.schedule import compensate as compensated
 
@@ -148,7 +148,6 @@ def compensate(
 
 def _judge(chosen: list[str], *, as_json: bool) -> None:
     from rigctl.cli.commands.compare import open_runs
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.compensate import show_verdict
     from rigctl.compensation.paired_test import judge as judged
     from rigctl.errors import ExitCode

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def _ask(run: str | None, request: Request, as_json: bool) -> None:
     folder = find_run(run) if run is not None else _in_progress()
     answer = send(folder, request)
     if as_json:
-        echo_json(json.dumps({"run": folder.name, "answer": answer}))
+        print_json({"run": folder.name, "answer": answer}, indent=None)
     else:
         echo(f"{folder.name}: {answer}")
 

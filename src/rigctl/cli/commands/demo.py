@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigctl.cli.echo import echo_json
+from rigctl.cli.echo import print_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -56,8 +56,6 @@ def demo(
     from rich.console import Console
     from rich.markup import escape
 
-    from rigctl.files.write import to_json
-
     console = Console(stderr=as_json, highlight=False)
     if (directory / "rigctl.toml").exists():
         console.print(f"[bold]1[/] Using the project that is already in {escape(directory.as_posix())}")
@@ -72,7 +70,7 @@ def demo(
         document, page, size = _story(directory, seed, console)
     document = {"project": directory.as_posix(), **document, "page": page.as_posix(), "bytes": size}
     if as_json:
-        echo_json(to_json(document))
+        print_json(document)
     if show:
         typer.launch(str(page))
     elif not as_json:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.commands.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster
@@ -102,7 +103,6 @@ def design(
     with progress_display("Reading the records", "no further file was written") as on_progress:
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.commands.compare import open_models, open_runs
-        from rigctl.cli.tables import print_json
         from rigctl.cli.views.design import show_design
         from rigctl.command_line import DataOptions
         from rigctl.dataset.outputs import is_designed, require_output

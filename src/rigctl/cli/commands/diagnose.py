@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.commands.compare import Assume, Force, HoldOut, OneModel, Only, Page, Runs
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster
@@ -116,7 +117,6 @@ def diagnose(
         from rigctl.analysis.diagnosis import diagnose_comparison
         from rigctl.analysis.improve import improve
         from rigctl.cli.commands.compare import open_runs
-        from rigctl.cli.tables import print_json
         from rigctl.cli.views.diagnose import show_diagnosis, show_improvement
         from rigctl.command_line import DataOptions
         from rigctl.project import own_model

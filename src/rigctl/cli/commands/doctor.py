@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.commands.doctor_finding import Finding
-from rigctl.cli.echo import echo_json
+from rigctl.cli.echo import print_json
 
 if TYPE_CHECKING:
     from rigctl.backends.transport.serial_ports import PortInfo, PortsUnlisted
@@ -175,7 +174,7 @@ def doctor(
             "ports": ports_document(ports),
             "asked": answers,
         }
-        echo_json(json.dumps(document, indent=1))
+        print_json(document, indent=1)
     else:
         _show(findings)
     raise typer.Exit(1 if broken else 0)

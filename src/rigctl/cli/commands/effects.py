@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.echo import echo
+from rigctl.cli.echo import echo, print_json
 from rigctl.cli.options.family import use_family
 from rigctl.errors import Location, RigctlError, SeveralErrors
 
@@ -73,7 +73,6 @@ def list_(
 
     Example: rigctl effects list --family mine.yaml
     """
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.effects import offer_documents, show_list, show_offers, show_slots
     from rigctl.effects import library
     from rigctl.effects.document import effect_document, family_document
@@ -117,7 +116,6 @@ def show(
 
     Example: rigctl effects show barus --with piston_leakage
     """
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.effects import show_effect, show_signature, signature_document
     from rigctl.effects.document import effect_document
     from rigctl.model.signature import signature
@@ -168,7 +166,6 @@ def check(
 
     Example: rigctl effects check my-effect.yaml --rig rigs/hl32-bench.yaml
     """
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.effects import show_trial, trial_document
     from rigctl.effects.user import is_effect_file
     from rigctl.effects.user.load import place_of

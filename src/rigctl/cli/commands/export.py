@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.wording import number_of
 
 #: forms of an exported run besides tables
@@ -80,7 +80,6 @@ def export(
     """
     from rigctl.dataset import open_run
     from rigctl.dataset.exporting import default_table, export_junit, export_ro_crate, export_run
-    from rigctl.files.write import to_json
 
     form = _form(to, output)
     if form == "ro-crate":
@@ -89,7 +88,7 @@ def export(
         files = export_ro_crate(tuple(opened_all.values()), path, licence=licence, title=title)
         if as_json:
             facts = {"runs": list(opened_all), "path": path.as_posix(), "form": form, "files": files}
-            echo_json(to_json(facts))
+            print_json(facts)
         else:
             runs_text = number_of(len(opened_all), "run")
             echo(f"{path.as_posix()}: {runs_text}, {files} files")
@@ -99,7 +98,7 @@ def export(
         path = output or Path(f"{opened.id}.xml")
         cases = export_junit(opened, path, overwrite=overwrite)
         if as_json:
-            echo_json(to_json({"run": opened.id, "path": path.as_posix(), "form": form, "cases": cases}))
+            print_json({"run": opened.id, "path": path.as_posix(), "form": form, "cases": cases})
         else:
             echo(f"{path.as_posix()}: {cases} test cases")
         return
@@ -109,7 +108,7 @@ def export(
     exported = export_run(opened, path, table=table, records=record, overwrite=overwrite, disarm=disarm)
     if as_json:
         facts = {"run": opened.id, "path": path.as_posix(), "table": table}
-        echo_json(to_json({**facts, "rows": exported.rows, "disarmed": exported.disarmed}))
+        print_json({**facts, "rows": exported.rows, "disarmed": exported.disarmed})
     else:
         also = f"; {exported.disarmed} cells were disarmed with an apostrophe" if exported.disarmed else ""
         echo(f"{path.as_posix()}: {exported.rows} rows{also}")

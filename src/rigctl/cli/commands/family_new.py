@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.commands.init import mark_project
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.command_line import quoted, shell_word
 from rigctl.errors import Location, RigctlError
 
@@ -156,9 +156,7 @@ def new(
         tried = _tried(proposal, root, fit=fit)
     document = _document(proposal, written, stated_options, tried)
     if as_json:
-        from rigctl.files.write import to_json
-
-        echo_json(to_json(document))
+        print_json(document)
     else:
         _show(document, proposal, stated_options, tried)
 

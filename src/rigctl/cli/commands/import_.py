@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.cli.progress import progress_display
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
@@ -161,7 +161,6 @@ def import_(
         from rigctl.dataset.importing.mapping import require_same_mapping
         from rigctl.dataset.importing.mapping import save_mapping as save
         from rigctl.dataset.importing.preview import preview_files
-        from rigctl.files.write import to_json
         from rigctl.project import find_file, find_project
         from rigctl.rig import load_rig
 
@@ -211,7 +210,7 @@ def import_(
     if as_json:
         counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
         document = {"run": done.run, "path": done.path.as_posix(), **counts, "notes": list(done.notes)}
-        echo_json(to_json(document))
+        print_json(document)
     else:
         _lead_on(rig, done.path)
 
@@ -219,7 +218,6 @@ def import_(
 def _show(preview: Preview, file: Path, output: Path | None, *, as_json: bool) -> None:
     """Show what would be read; errors in it go to stderr."""
     from rigctl.cli.views.import_preview import show_preview, write_preview
-    from rigctl.files.write import to_json
 
     for fault in preview.faults[:_TOLD]:
         echo(f"bad: {fault.error(file)}", err=True)
@@ -230,7 +228,7 @@ def _show(preview: Preview, file: Path, output: Path | None, *, as_json: bool) -
     if output is not None:
         echo(f"figure: {write_preview(preview, output)}", err=True)
     if as_json:
-        echo_json(to_json(preview.as_data()))
+        print_json(preview.as_data())
     else:
         show_preview(preview)
         echo("Nothing was imported.", err=True)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.errors import Location, RigctlError
 
 _MARKER = """\
@@ -139,11 +138,7 @@ def init(
 
     written = create_project(directory, minimal=minimal)
     if as_json:
-        echo_json(
-            json.dumps(
-                {"project": directory.resolve().as_posix(), "files": [path.as_posix() for path in written]}
-            )
-        )
+        print_json({"project": directory.resolve(), "files": written}, indent=None)
         return
     for path in written:
         echo(f"  {path.as_posix()}")

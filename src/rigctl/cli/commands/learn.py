@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.commands.compare import HoldOut
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
@@ -124,7 +125,6 @@ def learn(
     from rigctl.cli.commands.design import read_budget
     from rigctl.cli.options.serve import shown
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.learn import show_learned, show_proposal, show_round
     from rigctl.learning.learn import Learner
     from rigctl.project import find_project

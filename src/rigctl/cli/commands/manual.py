@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ def off(
         "known_by": result.known_by,
     }
     if as_json:
-        echo_json(json.dumps({**document, "ended": list(result.ended)}))
+        print_json({**document, "ended": result.ended}, indent=None)
     elif result.confirmed:
         echo(result.done)
     else:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.commands.compare import Assume, HoldOut, Only, Runs
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.errors import RigctlError
@@ -40,7 +41,6 @@ def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False
 
     Example: rigctl model show models/hl32-textbook.yaml
     """
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.model import model_document, show_model
     from rigctl.files.version_suffix import split_version
     from rigctl.model import current_version, find_version, load_model
@@ -67,7 +67,6 @@ def diff(
 
     Example: rigctl model diff models/hl32-textbook.yaml@1 models/hl32-textbook.yaml
     """
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.model import difference_document, show_difference
     from rigctl.model import difference, load_model
     from rigctl.project import find_file
@@ -93,7 +92,6 @@ def history(
 
       rigctl model history models/hl32-textbook.yaml -v
     """
-    from rigctl.cli.tables import print_json
     from rigctl.cli.views.history import show_history
     from rigctl.model import current_version, versions
     from rigctl.model.history.document import history_document
@@ -343,7 +341,6 @@ def export(
     from dataclasses import asdict
 
     from rigctl.cli.echo import echo
-    from rigctl.cli.tables import print_json
     from rigctl.dataset.outputs import require_output
     from rigctl.errors import unknown_name
     from rigctl.files.version_suffix import split_version

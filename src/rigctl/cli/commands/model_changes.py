@@ -9,10 +9,10 @@ from rich.markup import escape
 
 from rigctl.analysis.model_change import Changed, Wanted, change_model
 from rigctl.cli.commands.compare import open_runs
-from rigctl.cli.echo import echo
+from rigctl.cli.echo import echo, print_json
 from rigctl.cli.next_command import show_next
 from rigctl.cli.progress import progress_display
-from rigctl.cli.tables import console, print_json, table
+from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.cli.views.compare import show_departures
 from rigctl.cli.views.history import error_change, held_out_change

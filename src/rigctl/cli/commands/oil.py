@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigctl.cli.echo import echo_json
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.quantities import read_option, read_quantities
 from rigctl.errors import RigctlError
 from rigctl.units import convert, parse_unit, significant
@@ -65,7 +64,7 @@ def oil(
     rows = oil_table(chosen, temperatures, read_quantities(pressure or "0 bar", "Pa"), model)
     errors = misfit(chosen.kinematic_viscosity, [(p.temperature, p.kinematic_measured) for p in published])
     if as_json:
-        echo_json(json.dumps(_document(chosen, model, rows, errors), indent=1))
+        print_json(_document(chosen, model, rows, errors), indent=1)
     else:
         has_conditions = temperature is not None or pressure is not None
         _show(chosen, model, rows if has_conditions or not errors else (), errors)

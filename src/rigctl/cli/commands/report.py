@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.commands.compare import Assume
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.cli.options.cache import NoCache, Verbose
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.progress import progress_display
@@ -85,7 +85,6 @@ def report(
     with progress_display("Reading the runs", "nothing was saved") as on_progress:
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.commands.compare import open_models, open_runs
-        from rigctl.files.write import to_json
         from rigctl.report import write_report
 
         models = open_models(model or ())
@@ -110,7 +109,7 @@ def report(
             "figures": list(written.figures),
             "runs": list(written.runs),
         }
-        echo_json(to_json(facts))
+        print_json(facts)
     else:
         echo(f"Wrote {written.summary()}")
 

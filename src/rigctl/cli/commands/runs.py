@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigctl.cli.echo import echo, echo_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.printable import printable
 from rigctl.units import significant
@@ -78,7 +78,7 @@ def list_(
         echo(f"note: {problem}. Only the runs of this computer are listed", err=True)
     shown = listing[-most:] if most else listing
     if as_json:
-        _print_json({"runs": [vars(run) for run in shown]})  # asdict() would make deep copies
+        print_json({"runs": [vars(run) for run in shown]}, indent=1)  # asdict() would make deep copies
     elif not shown:
         none = (
             "No run meets the condition."
@@ -113,7 +113,7 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
     records, facts = ([], {}) if open_still else _records(folder)
     if as_json:
         units = {name: fact["unit"] for name, fact in facts.items() if fact.get("unit")}
-        _print_json({**info, "records": records, "record_units": units})
+        print_json({**info, "records": records, "record_units": units}, indent=1)
         return
     _print_table(_facts_table(info))
     if records:
@@ -154,7 +154,7 @@ def verify(
             {"run": verdict.id, "condition": verdict.condition.value, "problems": list(verdict.problems)}
             for verdict in verdicts
         ]
-        _print_json({"runs": documents, "broken": broken})
+        print_json({"runs": documents, "broken": broken}, indent=1)
     else:
         for verdict in verdicts:
             echo(f"{verdict.id}: {verdict.condition.value}")
@@ -218,7 +218,7 @@ def upload(
             outcome = last["problem"] or f"{last['sent']} files sent, {last['there']} were already there"
             echo(f"{folder.name}: {outcome}")
     if as_json:
-        _print_json({"address": address, "runs": outcomes})
+        print_json({"address": address, "runs": outcomes}, indent=1)
     if any(one["problem"] for one in outcomes):
         raise typer.Exit(ExitCode.FAILED)
 
@@ -283,7 +283,7 @@ def sql(
     answer = dataset.query(query, where=where)
     if as_json:
         rows = [[_plain_cell(value) for value in row] for row in answer.rows]
-        _print_json({"columns": list(answer.columns), "rows": rows})
+        print_json({"columns": list(answer.columns), "rows": rows}, indent=1)
     else:
         _print_rows(answer.columns, answer.rows)
 
@@ -451,15 +451,9 @@ def _print_table(table: Table) -> None:
     console(piped_width=4096).print(table)
 
 
-def _print_json(document: Mapping[str, Any]) -> None:
-    from rigctl.files.write import to_json
-
-    echo_json(to_json(document, indent=1))
-
-
 def _confirm(facts: Mapping[str, Any], sentence: str, *, as_json: bool) -> None:
     if as_json:
-        _print_json(facts)
+        print_json(facts, indent=1)
     else:
         echo(sentence)
 

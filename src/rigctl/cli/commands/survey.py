@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.commands.compare import Assume, Force, OneModel, Only, Page
+from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster, WorkerCount
@@ -123,7 +124,6 @@ def survey(
     with progress_display("Reading the runs", message) as on_progress:
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.commands.compare import open_models
-        from rigctl.cli.tables import print_json
         from rigctl.cli.views.survey import show_survey
         from rigctl.dataset.outputs import require_output
         from rigctl.errors import ExitCode
