@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from rigctl.compensation.result import Row, Schedule
 from rigctl.dataset.run import Run
 from rigctl.design.rig_file import rig_reference
 from rigctl.errors import RigctlError
+from rigctl.files.scalars import quoted
 from rigctl.units import parse_quantity, show
 
 #: operating points of the check, and pairs of records at each: the best order of eight pairs has probability
@@ -123,7 +123,7 @@ def _record(schedule: Schedule, argument: str, value: float, pair: int, compensa
         f"  - for: {{{target}, {PAIR}: [{pair}], {COMPENSATED}: [{compensated}]}}",
         "    zip: true",
         "    do:",
-        f"      - call: {{procedure: {_quoted(schedule.called)}, with: {{{argument}: {text}}}}}",
+        f"      - call: {{procedure: {quoted(schedule.called)}, with: {{{argument}: {text}}}}}",
     ]
 
 
@@ -133,8 +133,4 @@ def beside(schedule: Schedule, folder: Path) -> str:
         near = os.path.relpath(schedule.called, folder.absolute())
     except ValueError:  # on another drive
         return schedule.procedure
-    return schedule.procedure.replace(_quoted(schedule.called), _quoted(Path(near).as_posix()))
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
+    return schedule.procedure.replace(quoted(schedule.called), quoted(Path(near).as_posix()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 Scalar = str | int | float | bool | None
@@ -45,3 +46,8 @@ def _read_number(text: str) -> str | int | float:
     elif text in _NOT_A_NUMBER:
         value = float("nan")
     return value
+
+
+def quoted(text: object) -> str:
+    """A text as YAML reads it back: in double quotes, which are JSON's."""
+    return json.dumps(str(text), ensure_ascii=False)

@@ -7,6 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 import numpy as np
 
+from rigctl.files.scalars import quoted
 from rigctl.noise import even_pieces, white_floor
 from rigctl.proposal.columns import Column, Table
 from rigctl.proposal.draft import Draft, amount
@@ -19,7 +20,7 @@ _PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ01234567
 
 
 def _quoted(text: str) -> str:
-    return text if text and set(text) <= _PLAIN and text[0].isalpha() else '"' + text.replace('"', "'") + '"'
+    return text if text and set(text) <= _PLAIN and text[0].isalpha() else quoted(text)
 
 
 #: beside a unit that nobody knows

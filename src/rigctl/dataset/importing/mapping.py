@@ -13,6 +13,7 @@ from rigctl.dataset.importing.dialect import checked_delimiter
 from rigctl.dataset.importing.headings import split_heading
 from rigctl.dataset.importing.options import DateOrder, Options, TimePolicy
 from rigctl.errors import Location, RigctlError
+from rigctl.files.scalars import quoted
 
 #: the scalar fields of a mapping
 _PLAIN: Final = ("dates", "zone", "times", "split", "resample", "encoding", "delimiter", "decimal", "heading")
@@ -140,11 +141,11 @@ def mapping_text(file: str, options: Options) -> str:
     for name, value in _entries(options).items():
         if isinstance(value, Mapping):
             lines.append(f"{name}:")
-            lines += [f"  {_quoted(key)}: {_quoted(text)}" for key, text in value.items()]
+            lines += [f"  {quoted(key)}: {quoted(text)}" for key, text in value.items()]
         elif isinstance(value, tuple):
-            lines.append(f"{name}: [{', '.join(_quoted(text) for text in value)}]")
+            lines.append(f"{name}: [{', '.join(quoted(text) for text in value)}]")
         else:
-            lines.append(f"{name}: {value if isinstance(value, int) else _quoted(value)}")
+            lines.append(f"{name}: {value if isinstance(value, int) else quoted(value)}")
     return "\n".join(lines) + "\n"
 
 
@@ -156,10 +157,3 @@ def _entries(options: Options) -> dict[str, Any]:
         for name in ImportMapping.model_fields
         if getattr(options, name) not in (None, {}, ()) and getattr(options, name) != getattr(usual, name)
     }
-
-
-def _quoted(text: object) -> str:
-    """Quote a text so that YAML reads it as text."""
-    import json
-
-    return json.dumps(str(text), ensure_ascii=False)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from rigctl.files.shipped import shipped
+from rigctl.files.unit_table import heading_parts
 from rigctl.units import parse_unit
 
 
@@ -45,7 +46,7 @@ def published_viscosity() -> tuple[PublishedPoint, ...]:
     """
     text = shipped("data", "hl32-viscosity.csv").read_text(encoding="utf-8")
     header, *rows = csv.reader(text.splitlines())
-    units = [parse_unit(name[name.index("[") + 1 : -1]) for name in header]
+    units = [parse_unit(heading_parts(cell)[1]) for cell in header]
     return tuple(
         PublishedPoint(*(unit.to_si(float(cell)) for unit, cell in zip(units, row, strict=True)))
         for row in rows
