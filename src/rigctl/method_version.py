@@ -11,8 +11,8 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 46
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "6608d590fec7"
+FINGERPRINT = "39a799524d12"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 6
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "99507c764504"
+DISCOVERY_FINGERPRINT = "e5f8f83b3f34"

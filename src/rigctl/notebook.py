@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,6 +17,16 @@ def one_line(kind: object, text: str) -> str:
     """``<Kind text>`` on one line, truncated if it is too long."""
     line = f"<{type(kind).__name__} {' '.join(text.split())}>"
     return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 2]}…>"
+
+
+def worded(result: object, how: str) -> dict[str, Any]:
+    """What the function `how` of `rigctl.answers.documents` makes of a result.
+
+    Results are worded above the rooms that compute them. A method that a user calls opens that room from
+    outside, as ``import rigctl`` opens all; nothing inside calls it.
+    """
+    document: dict[str, Any] = getattr(import_module("rigctl.answers.documents"), how)(result)
+    return document
 
 
 def as_html(summary: str, table: pd.DataFrame) -> str:

@@ -61,8 +61,7 @@ def test_an_effect_that_alone_leaves_no_more_than_its_law_may_stays_certain(
     assert [one.place_sure for one in found] == [True, False]
     assert not any(one.law_sure for one in found)
     assert answer.certain_alone(found) == ("alpha",)
-    (sentence,) = answer.alone_text(found)
-    assert "alpha alone leaves 2 % of the misfit" in sentence
+    assert answer.left_alone(found) == {"alpha": pytest.approx(0.02)}
     (reason,) = answer.against(answer.certain_alone(found))
     assert reason.startswith("beta may only resemble what is missing besides alpha: together they leave ")
 
@@ -71,7 +70,7 @@ def test_effects_that_only_together_explain_enough_are_not_certain(pair: Callabl
     """As two laws that imitate the heat of a stirrer, which is in no library."""
     answer = pair({"alpha": 0.14, "beta": 0.6})
     assert levels(answer) == [NONE, NONE]
-    assert answer.alone_text(certain_levels(answer, (), ())) == []
+    assert answer.left_alone(certain_levels(answer, (), ())) == {}
     (reason,) = answer.against()
     assert "together they may imitate" in reason
 
@@ -122,4 +121,4 @@ def test_a_complete_pair_is_judged_as_a_pair(pair: Callable[..., Answer]) -> Non
     assert alone.certain_alone(certain_levels(alone, (), ())) == ()
     answer = pair({"alpha": 0.5, "beta": 0.9}, remaining=None)
     assert all(one.place_sure for one in certain_levels(answer, (), ()))
-    assert answer.alone_text(certain_levels(answer, (), ())) == []
+    assert answer.left_alone(certain_levels(answer, (), ())) == {}

@@ -18,8 +18,9 @@ from commands import answer, refusal, told
 from rigctl.analysis.fitting import fit_to_data, read_runs
 from rigctl.analysis.fmu_rival import judge_fmu
 from rigctl.analysis.fmu_rival.judge import sign_test
+from rigctl.answers.comparison import rival_blocks
+from rigctl.cli.blocks import show
 from rigctl.cli.commands.init import create_project
-from rigctl.cli.views.compare import show_fmu_rivals
 from rigctl.dataset import open_run
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.model import load_model
@@ -110,7 +111,7 @@ def test_channels_that_start_from_the_own_value_of_the_fmu_are_named(
     found = judge_fmu(project / "fixed.fmu", fits["right"], "right")
     assert found.own_initial_values == ("temperature_1",)
     assert found.document()["begins_elsewhere"] == ["temperature_1"]
-    show_fmu_rivals([found])
+    show(rival_blocks(found))
     shown = capsys.readouterr().out
     assert "the initial value of temperature_1 cannot be set in fixed.fmu: its own is used" in shown
 

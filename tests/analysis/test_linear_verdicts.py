@@ -33,6 +33,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.improve import Improvement, ImprovementEnd, improve
 from rigctl.analysis.pair_gains import pair_gains
 from rigctl.analysis.search import Search
+from rigctl.answers.evidence import sentence
 from rigctl.errors import RigctlError
 from rigctl.model.load import load_model
 
@@ -130,7 +131,7 @@ def test_one_effect_and_two_of_similar_odds_are_ambiguous() -> None:
     assert found.verdict is Verdict.AMBIGUOUS
     assert found.classes == (("alpha", "beta", "gamma"),)
     assert found.statement.count("together would look like alpha") == 1
-    assert any("together would look like alpha" in line for line in found.evidence)
+    assert any("together would look like alpha" in sentence(one) for one in found.evidence)
 
 
 def test_an_effect_with_a_small_remainder_is_not_distinguished_from_two() -> None:

@@ -164,7 +164,7 @@ def test_a_stated_noise_explains_slow_errors_up_to_its_size(tmp_path: Path) -> N
     assert channel["noise"] == pytest.approx(WHITE, rel=0.2)
     assert (channel["noise_stated"], channel["noise_over"]) == (pytest.approx(0.0158, rel=0.01), 2.0)
     assert "stated 0.016 m" in found.before.in_brief[0]
-    assert any("times its white noise count as noise" in one for one in found.notes)
+    assert any("times its white noise count as noise" in str(one) for one in found.notes)
 
 
 def test_a_stated_noise_that_is_slower_than_the_errors_is_not_asked_for_again(tmp_path: Path) -> None:
@@ -198,8 +198,8 @@ def test_a_stated_noise_that_the_data_contradict_is_said_with_both_numbers(
     project(tmp_path, slow, stated=stated)
     found = diagnosed(tmp_path)
     assert found.verdict == "undecided"
-    assert "rig file states" in " ".join([found.statement, *found.notes])
-    assert "times" in " ".join([found.statement, *found.notes])
+    assert "rig file states" in " ".join([found.statement, *map(str, found.notes)])
+    assert "times" in " ".join([found.statement, *map(str, found.notes)])
 
 
 def test_the_whole_way_prints_a_grey_answer_with_what_would_decide_it(

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.collected_evidence import drift_evidence, evidence_for
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
@@ -20,13 +20,11 @@ from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.rivals import Differs, Rival, where_they_differ
 from rigctl.analysis.text import (
     against_identity,
-    drift_text,
     effect_text,
-    evidence_for,
-    rival_text,
     verdict_text,
     whether_at_all,
 )
+from rigctl.answers.evidence import rival_text, sentence
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -200,7 +198,7 @@ def test_ambiguity_from_a_check_names_no_other_effects() -> None:
 def test_a_parameter_has_changed_if_the_change_exceeds_its_uncertainty(
     before: float, after: float, unit: str, stds: tuple[float, float], said: bool
 ) -> None:
-    assert bool(drift_text([Drift("spool_time", before, after, unit, *stds)])) is said
+    assert bool(drift_evidence([Drift("spool_time", before, after, unit, *stds)])) is said
 
 
 @pytest.mark.parametrize(
@@ -311,9 +309,7 @@ def test_effects_with_equal_predictions_differ_nowhere() -> None:
 )
 def test_the_evidence_for_an_absorbed_effect_names_what_absorbs_it(hidden_in: str, said: str) -> None:
     ranked = Ranked("line_loss", 1.0, 1e-9, -20.0, 0.15, hidden_in, float("nan"), float("nan"), 0.1, 9.0, {})
-    found = evidence_for(
-        cast("Candidate", SimpleNamespace(name="line_loss")), ranked, None, [], several=False
-    )
+    found = [sentence(one) for one in evidence_for("line_loss", ranked, None, [], several=False)]
     assert sum(said in one for one in found) == 1
     assert not any("85 %" in one for one in found), "lengths add in squares"
 
@@ -326,8 +322,7 @@ def test_an_effect_found_without_a_significant_score_is_described_as_it_was_foun
 ) -> None:
     """A single effect was said to stand out "only together with the others"."""
     ranked = Ranked("line_loss", 1.0, 1.0, -20.0, 1.0, "", float("nan"), float("nan"), 0.1, 9.0, {})
-    member = cast("Candidate", SimpleNamespace(name="line_loss"))
-    first, *_ = evidence_for(member, ranked, None, [], several=several)
+    first = sentence(evidence_for("line_loss", ranked, None, [], several=several)[0])
     assert said in first
     assert ("others" in first) is several
 

@@ -13,9 +13,10 @@ import pytest
 from linear_problem import PLAIN, compared, made_design, made_effect
 from rigctl.analysis import judgement
 from rigctl.analysis.adequacy import Adequacy, Test, chi2_test
-from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.collected_evidence import evidence_for
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Ranked, Verdict
+from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.identity import (
     Levels,
     certain_members,
@@ -28,7 +29,7 @@ from rigctl.analysis.judgement import Judgement, _sure_members, verdict_on
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.rivals import Rival
 from rigctl.analysis.search import Search
-from rigctl.analysis.text import evidence_for
+from rigctl.answers import evidence as in_words
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import library
 from rigctl.physics.families import find_family
@@ -123,7 +124,9 @@ def test_what_is_certain_is_said_and_no_more(
     sure: tuple[bool, bool, bool], driver: tuple[str, ...], certain: str, statement: str
 ) -> None:
     one = Levels("alpha", ("here",), driver, *sure)
-    assert (one.certain, one.statement) == (certain, statement)
+    assert in_words.certain(one) == certain
+    if statement:
+        assert in_words.sentence(Evidence("", ("alpha",), "levels", finding=one)) == statement
     assert certain_members([one]) == (("alpha",) if sure[0] else ())
 
 
@@ -160,9 +163,8 @@ def test_a_gain_counts_from_two_standard_errors_or_three_of_all_folds(changed: A
     check = CrossValidation(**given)
     assert check.passed is passed
     ranked = Ranked("x", 1.0, 1e-9, -20.0, 1.0, "", math.nan, math.nan, 0.1, 9.0, {})
-    member = cast("Candidate", SimpleNamespace(name="x"))
-    lines = evidence_for(member, ranked, check, [], several=False)
-    sides = [line.partition(" ")[0] for line in lines if "left out one at a time" in line]
+    found = evidence_for("x", ranked, check, [], several=False)
+    sides = [one.side for one in found if one.quantity == "left_out_error"]
     assert sides == ([] if not check.possible else ["for"] if passed else ["against"])
 
 

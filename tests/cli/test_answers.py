@@ -11,16 +11,16 @@ import pytest
 
 from commands import create_project, told
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Verdict
+from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.identity import Levels
-from rigctl.analysis.text import drift_text
+from rigctl.answers.blocks import Answer
+from rigctl.answers.diagnosis import _certain, _fits, _weighed, sentence_of
+from rigctl.answers.improvement import _not_distinguished
+from rigctl.answers.model_errors import error_bars
+from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.progress import _thinned, progress_display
-from rigctl.cli.views.answer import show_answer
-from rigctl.cli.views.diagnose import _show_evidence, _show_remarks
-from rigctl.cli.views.model import show_errors
 from rigctl.errors import RigctlError
 from rigctl.model.history.change import ModelError
-from rigctl.report.answer import Answer
-from rigctl.report.diagnosis_answer import _certain, _fits, _not_distinguished, _sentence
 
 
 def test_counts_are_printed_at_growing_intervals_and_other_lines_at_once() -> None:
@@ -49,8 +49,8 @@ def test_progress_goes_to_stderr_line_by_line(capsys: pytest.CaptureFixture[str]
 def test_an_answer_is_a_summary_line_followed_by_one_line_per_fact(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    answer = Answer("warn", "An effect is missing", "oil [leaks]", (("size", "small"), ("how sure", "very")))
-    show_answer(answer, title="An effect is missing (leak)", more=["the ranking"])
+    facts = (("size", "small"), ("how sure", "very"))
+    show_answer(Answer("warn", "An effect is missing (leak)", "oil [leaks]", facts, more=("the ranking",)))
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == [
         "An effect is missing (leak): oil [leaks].",
         "  size        small",
@@ -63,7 +63,7 @@ def test_error_bars_show_the_error_beyond_the_noise(capsys: pytest.CaptureFixtur
     noise, units = {"position": 0.127}, {"position": "mm"}
     before = ModelError({"position": 0.158}, units=units, noise=noise)
     after = ModelError({"position": 0.127}, units=units, noise=noise)
-    show_errors([("before", before), ("with it", after)])
+    show(error_bars([("before", before), ("with it", after)]))
     _, first, second, floor = capsys.readouterr().out.splitlines()
     assert (first.count("█"), second.count("█"), floor.count("█")) == (40, 0, 0)
     assert [line.split()[-1] for line in (first, second, floor)] == ["0.158", "0.127", "0.127"]
@@ -88,8 +88,8 @@ def test_additions_that_other_effects_could_replace_are_stated_once() -> None:
     both: list[Any] = [SimpleNamespace(diagnosis=one) for one in (alone, other)]
     said = "these data cannot distinguish friction from load or lag"
     assert _not_distinguished(both) == f"{said}; these data cannot distinguish leak from gain or lag"
-    assert _sentence(alone, others_follow=False) == f"something is missing, and {said}"
-    assert _sentence(alone).endswith("cannot tell which of 3 effects it is")
+    assert sentence_of(alone, others_follow=False) == f"something is missing, and {said}"
+    assert sentence_of(alone).endswith("cannot tell which of 3 effects it is")
     assert _not_distinguished(steps[2:]) == ""
 
 
@@ -114,14 +114,19 @@ def test_the_answer_states_what_is_certain_of_each_effect() -> None:
 
 def test_all_evidence_but_the_drifts_of_the_table_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """What is certain was neither for nor against an effect, and was missing from the answer with -v."""
-    drift = Drift("mass", 40.0, 20.0, "kg", 0.1, 0.1)
-    (moved,) = drift_text([drift])
-    evidence = ("for friction: it is large", "Certain is the location, a term at friction", moved)
-    diagnosis = cast("Diagnosis", SimpleNamespace(drift=(drift,), further_evidence=evidence))
-    _show_evidence(evidence)
-    _show_remarks(diagnosis)
+    levels = Levels("friction", ("friction",), (), place_sure=True, driver_sure=True, law_sure=False)
+    evidence = (
+        Evidence("", ("friction",), "levels", finding=levels),
+        Evidence("for", ("friction",), "mbic", -12.0),
+        Evidence("", (), "drift", 20.0, 40.0, Drift("mass", 40.0, 20.0, "kg", 0.1, 0.1)),
+    )
+    diagnosis = cast("Diagnosis", SimpleNamespace(further_evidence=evidence))
+    show([_weighed(diagnosis, adequate=False)])
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
-    assert lines == ["+ for friction: it is large", "Certain is the location, a term at friction"]
+    assert lines == [
+        "+ for friction: mBIC falls by 12.0 with it (9.2 is odds of 100 to 1)",
+        "Certain is the location, a constant term at friction, but not its law",
+    ]
 
 
 def test_a_diagnosis_that_adds_no_effect_states_one_error() -> None:

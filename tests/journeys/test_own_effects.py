@@ -132,7 +132,7 @@ def test_records_outside_the_valid_range_of_an_effect_are_reported() -> None:
     assert (again["record"], again["time"]) == (left["record"], left["time"])
     said = told("compare", run, "--model", "slow.yaml", "--no-fit")
     assert f"warning: {again['statement']}" in said
-    assert "Outside its range" in Path("slow.html").read_text("utf-8")
+    assert "Warning" in Path("slow.html").read_text("utf-8")
     diagnosed = answer("diagnose", run, "--model", "slow.yaml")
     assert [one["record"] for one in diagnosed["outside_validity"]] == [left["record"]]
 

@@ -11,9 +11,9 @@ import pytest
 
 from commands import answer, told
 from made_fit import made_fit, made_noise
+from rigctl.answers.errors import error_text
+from rigctl.answers.systematic import falls, left_of_fit
 from rigctl.noise import NoiseModel
-from rigctl.report.answer import error_text
-from rigctl.report.systematic import falls, left_of_fit
 
 FLOOR = 0.02
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from rigctl.report.analysis.bars import Bar, bars
+from rigctl.answers.blocks import Bar, Bars
+from rigctl.report.blocks import page_blocks
 from rigctl.report.heat_map import HeatMap, heat_map_table, write_heat_map
 
 MAP = HeatMap(
@@ -37,7 +38,7 @@ def test_equal_maps_give_identical_images(tmp_path: Path) -> None:
 
 
 def test_a_bar_is_limited_to_its_track_and_its_label_is_escaped() -> None:
-    html = str(bars("t", [Bar("<i>", 1.7, "170 %"), Bar("b", -1.0, "")]))
+    html = str(page_blocks([Bars("t", (Bar("<i>", 1.7, "170 %"), Bar("b", -1.0, "")))]))
     assert "&lt;i&gt;" in html
     assert "width: 100.0%" in html
     assert "width: 0.0%" in html

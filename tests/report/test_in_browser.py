@@ -17,11 +17,11 @@ from made_fit import made_fit, made_noise
 from report.browser import Browser
 from report.conftest import RunMaker
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.answers.blocks import Answer
 from rigctl.dataset import Run
 from rigctl.report import write_report
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.page_top import NamedModels, answer_section
-from rigctl.report.answer import Answer
 from rigctl.report.heat_map import heat_map_table
 from rigctl.report.page import page
 from rigctl.report.run_data import read_run

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rigctl.report import numbers
+from rigctl.answers import numbers
 
 
 @pytest.mark.parametrize(

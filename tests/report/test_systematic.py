@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 
 from made_fit import RECORDS, UNITS, made_fit, made_noise
 from rigctl.analysis.diagnosis_result import FoundParameter
+from rigctl.answers.errors import error_text
+from rigctl.answers.everyday_units import everyday
+from rigctl.answers.systematic import falls, left_of_fit
 from rigctl.model import load_model
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import Measurements
 from rigctl.report.analysis.overlay import fall_plot, running_mean
-from rigctl.report.answer import error_text
-from rigctl.report.everyday_units import everyday
-from rigctl.report.systematic import falls, left_of_fit
 
 TEXTBOOK = Path(__file__).parents[2] / "models" / "hl32-textbook.yaml"
 #: of the position, in SI: a third of the noise of one reading

@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.report.terminal_bars import draw_bar
+from rigctl.cli.terminal_bars import draw_bar
 
 
 def eighths(bar: str) -> int:

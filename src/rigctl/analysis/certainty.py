@@ -18,7 +18,7 @@ from rigctl.analysis.laws.answer import LawAnswer, Laws
 from rigctl.analysis.laws.simpler_law import simpler_does
 from rigctl.analysis.own_scale import doubts, not_a_sensor
 from rigctl.analysis.refit import RefittedSet, left_by_refit
-from rigctl.analysis.remainder import Remainder, remainder, share_text
+from rigctl.analysis.remainder import Remainder, remainder
 from rigctl.analysis.rivals import classes_of, find_rivals
 from rigctl.analysis.search import Search
 from rigctl.analysis.size_scatter import SizeScatter
@@ -57,19 +57,16 @@ class Answer:
         """The members of an incomplete set of which something is certain, as it is without the others."""
         return certain_members(levels) if self.incomplete else ()
 
-    def alone_text(self, levels: Sequence[Levels]) -> list[str]:
-        """Why something is certain of these members, one sentence for each."""
-        sentences = []
+    def left_alone(self, levels: Sequence[Levels]) -> dict[str, float]:
+        """The share of the misfit that each member leaves alone, of which something is certain all the
+        same."""
+        alone = {}
         for name in self.certain_alone(levels):
             (member,) = (one for one in self.best.candidates if one.name == name)
             single = self.search.known([member])
             if single is not None:
-                share = share_text(self.search.left(single))
-                sentences.append(
-                    f"{name} alone leaves {share} of the misfit, no more than a slightly different law would "
-                    "leave: what is certain about it does not depend on what else is missing"
-                )
-        return sentences
+                alone[name] = self.search.left(single)
+        return alone
 
 
 def cross_validations(search: Search, best: RefittedSet) -> dict[str, CrossValidation | None]:

@@ -31,6 +31,7 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
+from rigctl.model.measured.note import Note, as_notes
 from rigctl.model.measured.standing import floor_alone, with_what_is_left
 from rigctl.model.model import Model
 from rigctl.model.reading_errors import ReadingError
@@ -75,7 +76,7 @@ def compare(
     require_known(excluded, models)
     report = on_progress or no_progress
     compared: list[ModelComparison] = []
-    notes: list[str] = []
+    notes: list[Note] = []
     labels: tuple[str, ...] = ()
     choice = Choice()
     read: list[tuple[Model, Data]] = []
@@ -94,7 +95,7 @@ def compare(
         runs=tuple(run.id for run in runs),
         held_out=labels,
         models=tuple(compared),
-        notes=tuple(note for note in dict.fromkeys(notes) if note),
+        notes=tuple(dict.fromkeys(notes)),
         choice=choice,
     )
 
@@ -262,13 +263,16 @@ def _without_refuted_noise(fitted: FitResult) -> FitResult | None:
     return again if left is None else fit_in_noise(again, left)
 
 
-def data_notes(fitted: FitResult) -> list[str]:
+def data_notes(fitted: FitResult) -> list[Note]:
     """What should be known about the data and the fit before a verdict is trusted."""
     problem = fitted.problem
     spikes = [
-        f"{channel.masked} {'spike' if channel.masked == 1 else 'spikes'} of {channel.name} "
-        f"{'was' if channel.masked == 1 else 'were'} masked: "
-        f"{'it counts' if channel.masked == 1 else 'they count'} in no fit and no test"
+        Note(
+            f"{channel.masked} {'spike' if channel.masked == 1 else 'spikes'} of {channel.name} "
+            f"{'was' if channel.masked == 1 else 'were'} masked: "
+            f"{'it counts' if channel.masked == 1 else 'they count'} in no fit and no test",
+            "spikes",
+        )
         for channel in problem.noise.channels
         if channel.masked
     ]
@@ -280,7 +284,11 @@ def data_notes(fitted: FitResult) -> list[str]:
         if channel.edges
     ]
     guesses = [
-        f"the noise of {channel.name} is only guessed: no verdict that rests on it is more certain than that"
+        Note(
+            f"the noise of {channel.name} is only guessed: no verdict that rests on it is more certain than "
+            "that",
+            "taken",
+        )
         for channel in problem.noise.channels
         if channel.guessed and not problem.measurements.table
     ]
@@ -293,5 +301,8 @@ def data_notes(fitted: FitResult) -> list[str]:
     ]
     silent = [f"{name} affects none of these readings and keeps its value" for name in fitted.silent]
     inputs = input_noise_notes(problem)
-    noise = [problem.noise.statement, *coarse, *spikes, *edges, *guesses]
-    return [*problem.measurements.notes, *inputs, *noise, *silent]
+    noise = [Note(problem.noise.statement, "taken")] if problem.noise.statement else []
+    return [
+        *problem.measurements.notes,
+        *as_notes((*inputs, *noise, *coarse, *spikes, *edges, *guesses, *silent)),
+    ]

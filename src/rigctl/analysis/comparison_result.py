@@ -31,6 +31,7 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
 from rigctl.model.fit.undetermined import Undetermined, first_statements, undetermined
 from rigctl.model.measured.noise import DataNoise
+from rigctl.model.measured.note import Note
 from rigctl.model.measured.record import Measurements
 from rigctl.model.reading_errors import CLOCK
 from rigctl.model.validity import Departure, departures
@@ -126,6 +127,13 @@ class ModelComparison:
     def record_level(self) -> tuple[RecordQuantity, ...]:
         """The record-level quantities; those that are evidence of something first. None for a table."""
         return self.located.record_level
+
+    @property
+    def suspicious(self) -> RecordQuantity | None:
+        """The record-level quantity that the statement names, if the model agrees but for it."""
+        if self.rows or self.explained_by or self.adequacy.verdict is not True:
+            return None
+        return self.located.suspicious
 
     @cached_property
     def outside(self) -> tuple[Departure, ...]:
@@ -301,7 +309,7 @@ class Comparison:
     runs: tuple[str, ...]
     held_out: tuple[str, ...]
     models: tuple[ModelComparison, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     choice: Choice = Choice()
 
     def document(self) -> dict[str, Any]:
@@ -311,7 +319,7 @@ class Comparison:
         return {
             "runs": list(self.runs),
             "held_out": list(self.held_out),
-            "notes": list(self.notes),
+            "notes": list(map(str, self.notes)),
             "models": models,
             **top,
         }

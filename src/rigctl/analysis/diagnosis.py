@@ -9,14 +9,15 @@ from dataclasses import replace
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.beyond_bounds import agreeing_beyond, beyond_text, wider_bounds_text
 from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.collected_evidence import collected_evidence, drift_evidence
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
+from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
 from rigctl.analysis.judgement import Judgement, agrees_within_tolerance, judge_set
 from rigctl.analysis.laws.answer import LawAnswer, laws_instead
-from rigctl.analysis.power import power_text
 from rigctl.analysis.ranking import most_visible, ranking_of
 from rigctl.analysis.refit import RefittedSet, plain
 from rigctl.analysis.remainder import share_text
@@ -25,17 +26,15 @@ from rigctl.analysis.search import Search, require_number_of_effects
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import (
     Statement,
-    drift_text,
-    evidence_for,
     verdict_text,
     whether_at_all,
-    would_be_missing,
 )
 from rigctl.analysis.undecided import unproven_text, what_decides
 from rigctl.analysis.untestable import untestable
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
+from rigctl.model.measured.note import Note
 from rigctl.model.model import Model
 from rigctl.model.validity import departures
 from rigctl.units import parse_unit
@@ -92,7 +91,7 @@ def diagnose_comparison(
     before: ModelComparison,
     runs: Sequence[str] = (),
     held_out: Sequence[str] = (),
-    notes: Sequence[str] = (),
+    notes: Sequence[Note] = (),
     *,
     most: int = 2,
     further_laws: Callable[[Diagnosis], bool] = lambda _: True,
@@ -138,10 +137,10 @@ def diagnose_comparison(
         statement=remarks.statement or statement.text,
         opening=statement.opening,
         evidence=(
-            *_evidence(judgement, ranking),
-            *_exact_text(before, exact),
-            *([if_exact] if if_exact else []),
-            *drift_text(drift),
+            *collected_evidence(judgement, {member.name: one for member, one in _members(best, ranking)}),
+            *_with_exact(before, exact),
+            *([] if if_exact is None else [if_exact]),
+            *drift_evidence(drift),
         ),
         held_out=tuple(held_out),
         notes=tuple(notes),
@@ -186,7 +185,7 @@ def _undecided_by_bound(
     beyond: ModelComparison,
     runs: Sequence[str],
     held_out: Sequence[str],
-    notes: Sequence[str],
+    notes: Sequence[Note],
 ) -> Diagnosis:
     """The diagnosis of a model that agrees beyond a bound that a user wrote: no effect is looked for."""
     text = beyond_text(before, beyond)
@@ -232,11 +231,11 @@ def _with_exact_sensors(
     return diagnose_comparison(before.exact, most=most, further_laws=lambda _: False, on_progress=on_progress)
 
 
-def _exact_text(before: ModelComparison, exact: Diagnosis | None) -> list[str]:
-    """The verdict that exact sensors would have, in a sentence."""
+def _with_exact(before: ModelComparison, exact: Diagnosis | None) -> list[Evidence]:
+    """The verdict that exact sensors would have."""
     if exact is None or before.sensors is None:
         return []
-    return [f"with exact {before.sensors.exact}, {would_be_missing(exact)}"]
+    return [Evidence("", exact.effects, "exact_sensors", finding=(before.sensors, exact))]
 
 
 def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> Statement:
@@ -264,33 +263,6 @@ def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> S
     )
 
 
-def _evidence(judgement: Judgement, ranking: Sequence[Ranked]) -> list[str]:
-    """One sentence for each piece of evidence for or against the verdict."""
-    before, members = judgement.search.before, _members(judgement.best, ranking)
-    evidence: list[str] = power_text(before.projected) if before.adequacy.agrees else []
-    evidence += [quantity.statement for quantity in before.record_level if quantity.statement]
-    for candidate, ranked in members:
-        check = judgement.checks[candidate.name]
-        evidence += evidence_for(candidate, ranked, check, judgement.rivals, several=len(members) > 1)
-    if judgement.named:
-        evidence += judgement.answer.alone_text(judgement.levels)
-        evidence += [one.statement for one in judgement.levels if one.statement]
-        evidence += [one.statement for one in judgement.scatters if one.statement and not one.follows]
-        evidence += _misread_text(judgement)
-    return evidence
-
-
-def _misread_text(judgement: Judgement) -> list[str]:
-    """That sensors would explain the same if they were wrong by more than is stated; [] if they would not."""
-    misread = judgement.search.before.with_sensor_errors
-    if misread is None or misread.sensors is None or not misread.adequacy.only_misread:
-        return []
-    return [
-        f"against {' and '.join(judgement.best.effects)}: the model would agree without it if "
-        f"{misread.sensors.beyond_text}"
-    ]
-
-
 def _members(best: RefittedSet, ranking: Sequence[Ranked]) -> list[tuple[Candidate, Ranked]]:
     """The members of a set with their places in the ranking."""
     by_name = {one.effect: one for one in ranking}
@@ -305,7 +277,7 @@ def _laws_instead(search: Search) -> tuple[LawAnswer, ...]:
 
 def _searched_with_sensors(
     before: ModelComparison, most: int, on_progress: OnProgress
-) -> tuple[Search, RefittedSet, str]:
+) -> tuple[Search, RefittedSet, Evidence | None]:
     """The search that is answered, its best set, and what exact sensors would show if that is something else.
 
     Where only an uncertainty of sensors is stated, they are exact at first. If no effects then explain what
@@ -315,23 +287,20 @@ def _searched_with_sensors(
     search, found = _searched(before, most, on_progress)
     inexact = before.with_sensor_errors
     if inexact is None or inexact.adequacy.unproven or _explained(search, found):
-        return search, found, ""
+        return search, found, None
     if inexact.adequacy.only_misread or search.left(found):
         beside, best = _searched(inexact, most, on_progress)
         within = not beside.at(best).adequacy.misread
         if agrees_within_tolerance(beside):
-            return beside, best, ""
+            return beside, best, None
         if within and search.left(found) and not beside.left(best):
-            return beside, best, "" if found.effects == best.effects else _nearest_text(search, found)
-    return search, found, ""
+            return beside, best, None if found.effects == best.effects else _nearest(search, found)
+    return search, found, None
 
 
-def _nearest_text(search: Search, found: RefittedSet) -> str:
+def _nearest(search: Search, found: RefittedSet) -> Evidence:
     """What a search with exact sensors found, which leaves something."""
-    if not found.candidates:
-        return "with exact sensors, no effect of the library would explain it"
-    names, left = " and ".join(found.effects), share_text(search.left(found))
-    return f"with exact sensors, {names} would be nearest, and leave {left} of the misfit"
+    return Evidence("", found.effects, "left_with_exact_sensors", search.left(found))
 
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:

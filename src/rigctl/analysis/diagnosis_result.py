@@ -11,20 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.comparison_result import ModelComparison, offset_of_clock
+from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.identity import Levels, certain_members
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
-from rigctl.analysis.sensors import SensorBudget, documents, sensor_budget
+from rigctl.analysis.sensors import SensorBudget, sensor_budget
 from rigctl.analysis.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
 from rigctl.effects.declaration import EffectParameter
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.assumptions import Conditional, conditional_document
 from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
 from rigctl.model.fit.undetermined import first_statements
+from rigctl.model.measured.note import Note
 from rigctl.model.reading_errors import CLOCK
 from rigctl.model.validity import Departure
-from rigctl.notebook import as_html, one_line
+from rigctl.notebook import as_html, one_line, worded
 from rigctl.units import parse_unit, significant, with_uncertainty
 
 if TYPE_CHECKING:
@@ -189,8 +191,8 @@ class Diagnosis:
     ranking: effects by probability, the most probable first.
     untestable: effects that these data cannot test, with what would make them testable.
     drift: changes of the fitted parameters.
-    statement: the verdict in words, of which `opening` is the first clause or two, with the effects by name;
-        `evidence` one sentence each for and against.
+    statement: the verdict in words, of which `opening` is the first clause or two, with the effects by name.
+    evidence: for and against it.
     before: the model as given.
     best: the fit with `effects`.
     trials: every set that was refitted.
@@ -210,8 +212,8 @@ class Diagnosis:
     decided_by: what would decide what is open: slow noise or an effect, an error of a sensor or an effect.
     with_exact_sensors: if the model agrees only because sensors may be wrong as stated, the diagnosis with
         exact ones.
-    if_exact: if effects are named beside errors of sensors, what exact ones would show, in words; "" if that
-        is the same.
+    if_exact: if effects are named beside errors of sensors, what exact ones would show; None if that is the
+        same.
     """
 
     runs: tuple[str, ...]
@@ -224,9 +226,9 @@ class Diagnosis:
     untestable: tuple[tuple[str, str], ...]
     drift: tuple[Drift, ...]
     statement: str
-    evidence: tuple[str, ...]
+    evidence: tuple[Evidence, ...]
     held_out: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     before: ModelComparison = field(repr=False)
     best: RefittedSet = field(repr=False)
     trials: tuple[RefittedSet, ...] = field(repr=False)
@@ -246,7 +248,7 @@ class Diagnosis:
     opening: str = ""
     decided_by: tuple[str, ...] = ()
     with_exact_sensors: Diagnosis | None = field(default=None, repr=False)
-    if_exact: str = ""
+    if_exact: Evidence | None = None
 
     @property
     def slot(self) -> str:
@@ -304,15 +306,9 @@ class Diagnosis:
         return self.remainder.statement
 
     @property
-    def further_evidence(self) -> tuple[str, ...]:
+    def further_evidence(self) -> tuple[Evidence, ...]:
         """The evidence that the statement does not include already."""
-        statement = self.statement.casefold()
-        sentences = [one.partition(": ")[2] or one for one in self.evidence]
-        return tuple(
-            one
-            for one, sentence in zip(self.evidence, sentences, strict=True)
-            if sentence.casefold() not in statement
-        )
+        return tuple(one for one in self.evidence if not one.stated)
 
     @property
     def instead_of_sensors(self) -> tuple[str, ...]:
@@ -340,57 +336,7 @@ class Diagnosis:
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
-        exact = self.with_exact_sensors
-        return {
-            "runs": list(self.runs),
-            "model": self.model,
-            "verdict": self.verdict.value,
-            "effects": list(self.effects),
-            "classes": [list(names) for names in self.classes],
-            "levels": [one.document() for one in self.levels],
-            "laws": [one.document() for one in self.laws],
-            "indistinguishable": [list(pair) for pair in self.indistinguishable],
-            "ranking": [one.document() for one in self.ranking],
-            "remainder": None if self.remainder is None else self.remainder.document(),
-            "doubt": self.doubt,
-            "decided_by": list(self.decided_by),
-            "bounds": [one.document() for one in self.bounds],
-            "undetermined": [one.document() for one in self.before.undetermined],
-            "uncertainty_budget": [one.document() for one in self.budgets],
-            "explained_by": self.before.explained_by if not self.effects else None,
-            **documents(self.sensors),
-            "with_exact_sensors": None
-            if exact is None
-            else {"verdict": exact.verdict.value, "effects": list(exact.effects)},
-            "channels": self.before.channels(),
-            "untestable": [{"effect": name, "needs": needs} for name, needs in self.untestable],
-            "drift": [
-                {
-                    "parameter": d.parameter,
-                    "before": d.before,
-                    "after": d.after,
-                    "unit": d.unit,
-                    "before_std": finite_or_none(d.before_std),
-                    "after_std": finite_or_none(d.after_std),
-                }
-                for d in self.drift
-            ],
-            "where": {"slot": self.slot, "statement": self.before.statement},
-            "excluded": [one.document() for one in self.excluded],
-            "excluded_because": list(self.excluded_because),
-            "findings": list(self.before.findings),
-            "next_steps": list(self.next_steps),
-            "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
-            "bootstrap": None if self.bootstrap is None else self.bootstrap.document(),
-            "outside_validity": [one.document() for one in self.outside],
-            "p_value": self.before.adequacy.p_value,
-            "p_value_after": finite_or_none(self.p_value_after),
-            "unproven_after": list(self.unproven_after),
-            "held_out": list(self.held_out),
-            "evidence": list(self.evidence),
-            "notes": list(self.notes),
-            "statement": self.statement,
-        }
+        return worded(self, "diagnosis_document")
 
     def summary(self) -> str:
         """The verdict in a few lines."""

@@ -25,6 +25,7 @@ from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.copies import copies_in, copy_notes, each_once
 from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
+from rigctl.model.measured.note import as_notes
 from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.measured.standing import (
@@ -141,7 +142,7 @@ def _each_once(
             expected=remarks[0],
         )
     once, kept = each_once(measurements, copies)
-    return replace(once, notes=(*remarks, *measurements.notes)), kept
+    return replace(once, notes=(*as_notes(remarks), *measurements.notes)), kept
 
 
 def _require_moving_readings(measurements: Measurements) -> None:

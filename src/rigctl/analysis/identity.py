@@ -50,36 +50,6 @@ class Levels:
             "law": {"effect": self.effect, "sure": self.law_sure},
         }
 
-    @property
-    def statement(self) -> str:
-        """The certain levels in words if the law is not one; "" if the law is certain, or no level is."""
-        if self.law_sure or not self.place_sure:
-            return ""
-        if not self.driver_sure:
-            return f"Certain is the location, {self._term}, but not what it depends on"
-        if not self.driver:
-            return f"Certain is the location, {self._term}, but not its law"
-        return f"Certain are the location and variables: {self._term}"
-
-    @property
-    def certain(self) -> str:
-        """The certain levels in a few words, ``location and variables, a term at friction over velocity``."""
-        if self.law_sure:
-            return f"location, {'variables ' if self.driver else ''}and law".replace(", and", " and")
-        if not self.place_sure:
-            return "nothing"
-        return f"location{' and variables' if self.driver_sure and self.driver else ''}, {self._term}"
-
-    @property
-    def _term(self) -> str:
-        """The term as far as it is certain."""
-        where = " and ".join(self.place)
-        if not self.driver_sure:
-            return f"a term at {where}"
-        if not self.driver:
-            return f"a constant term at {where}"
-        return f"a term at {where} over {' and '.join(self.driver)}"
-
 
 def certain_members(levels: Sequence[Levels]) -> tuple[str, ...]:
     """The effects of an answer of which at least the location is certain."""

@@ -31,7 +31,7 @@ from rigctl.model.history.change import Change, ModelError
 from rigctl.model.history.save import save_version
 from rigctl.model.history.version import Version
 from rigctl.model.load import load_model
-from rigctl.notebook import as_html, one_line
+from rigctl.notebook import as_html, one_line, worded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -142,15 +142,7 @@ class Improvement:
 
     def document(self) -> dict[str, Any]:
         """The answer of the first diagnosis, with the additions and the diagnosis of the result."""
-        return {
-            **self.first.document(),
-            "steps": [step.document() for step in self.steps],
-            "ended": self.ended.value,
-            "improvement": self.statement,
-            "reason": self.reason,
-            "after": self.last.document() if self.steps else None,
-            "unseen": [one.document() for one in self.unseen],
-        }
+        return worded(self, "improvement_document")
 
     def __repr__(self) -> str:
         """The additions, on one line."""

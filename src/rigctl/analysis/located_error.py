@@ -128,5 +128,11 @@ class LocatedError:
                 f"{self.name} agrees with the measurements within the noise of {channels} that the rig file "
                 "states"
             )
-        suspicious = next((one.statement for one in self.record_level if one.statement), "")
-        return f"{text}, but {suspicious}" if suspicious else f"{text}: these data show nothing that it lacks"
+        if self.suspicious is not None:
+            return f"{text}, but {self.suspicious.statement}"
+        return f"{text}: these data show nothing that it lacks"
+
+    @property
+    def suspicious(self) -> RecordQuantity | None:
+        """The record-level quantity that most clearly may compensate for something that the model lacks."""
+        return next((one for one in self.record_level if one.statement), None)

@@ -25,21 +25,6 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
     return tuple(name for name, visible in detectable.items() if not visible)
 
 
-def power_text(projected: Projected) -> list[str]:
-    """Sentences on the effects that an adequate fit to these data does not exclude."""
-    names = hidden_at_typical_size(projected)
-    total = len({candidate.name for candidate in projected.linearisation.candidates})
-    if not names:
-        return []
-    if len(names) > total / 2:
-        return [
-            f"these data are too weak for a verdict: {len(names)} of {total} effects of the library might "
-            "not be seen in them at their typical size; record at more temperatures, pressures and with "
-            "repeats"
-        ]
-    return [f"might not be seen in these data at their typical size: {', '.join(names)}"]
-
-
 def significant_size(degrees: float, effects: int, tests: int) -> float:
     """The size in sigmas from which the largest of several effects is significant at `ALPHA`.
 

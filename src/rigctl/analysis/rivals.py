@@ -111,6 +111,15 @@ class Rival:
         return self.share < TOLERANCE**2
 
 
+def each_once(rivals: Sequence[Rival]) -> list[Rival]:
+    """Rivals, of which the two members of a replacing pair are mentioned once."""
+    once: list[Rival] = []
+    for one in rivals:
+        if not any((other.name, other.beside) == (one.beside, one.name) for other in once):
+            once.append(one)
+    return once
+
+
 def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
     """For every member of the best set, the effects with which it may be confused."""
     rivals = []

@@ -1,4 +1,4 @@
-"""A diagnosis in sentences: the verdict, and the evidence for and against it."""
+"""The verdict of a diagnosis in sentences."""
 
 from __future__ import annotations
 
@@ -6,38 +6,24 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from rigctl.analysis.adequacy import chance_text, error_below
+from rigctl.analysis.adequacy import error_below
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.decision_levels import (
     ALIKE,
-    ALPHA,
     BELOW_NOISE,
-    LEAST_DIFFERENCE,
-    LEAST_SEPARATION,
-    ODDS,
     SEEN_IN_LIBRARY,
     SHAPE,
     SHAPE_TOLERANCE,
-    TOLERANCE,
 )
-from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.diagnosis_result import FoundParameter, Ranked, Verdict
 from rigctl.analysis.identity import only_constants, wanted_elsewhere
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, share_text, strength
-from rigctl.analysis.rivals import Differs, Rival
+from rigctl.analysis.rivals import Rival, each_once
 from rigctl.analysis.undecided import undecided_text
 from rigctl.effects.declaration import Effect
-from rigctl.effects.record_level import RECORD
-from rigctl.units import parse_unit
-
-#: an effect is reported as hidden in a parameter if less than this share of its signature is left
-_HIDDEN = 0.3
-#: a parameter that changes by less than this share was not biased
-_MOVED = 0.02
-#: least difference of cosines between phases that is reported
-_UNLIKE = 0.15
 
 
 def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
@@ -69,20 +55,6 @@ class Statement:
 
     opening: str
     text: str
-
-
-def would_be_missing(exact: Diagnosis) -> str:
-    """What is missing according to a diagnosis with exact sensors: ``valve_leakage would be missing``."""
-    named = " and ".join(exact.effects)
-    if exact.verdict is Verdict.MISSING_EFFECT:
-        return f"{named} would be missing"
-    if exact.verdict is Verdict.AMBIGUOUS:
-        return f"{named} might be missing, or another effect"
-    if exact.verdict is Verdict.ADEQUATE:
-        return "nothing would be missing within the tolerance of its laws"
-    if exact.verdict is Verdict.UNDECIDED:
-        return "it is not decided whether anything is missing"
-    return "the model would not agree, and nothing in the library would explain it"
 
 
 def verdict_text(
@@ -127,7 +99,7 @@ def verdict_text(
             for nearest in (names, "these" if several and left is not None else "this")
         )
         return Statement(opening, f"{referring}: {described}")
-    close = _each_once([rival for rival in rivals if not rival.separable])
+    close = each_once([rival for rival in rivals if not rival.separable])
     if verdict is Verdict.MISSING_EFFECT:
         opening, text = f"{names} is missing", described
         alike = [rival for rival in rivals if rival.cos > ALIKE]
@@ -153,15 +125,6 @@ def _undecided(before: ModelComparison) -> str:
     if before.adequacy.unusable:
         return before.statement
     return undecided_text(before.fit, before.name, before.adequacy.unproven)
-
-
-def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
-    """Rivals, of which the two members of a replacing pair are mentioned once."""
-    once: list[Rival] = []
-    for one in rivals:
-        if not any((other.name, other.beside) == (one.beside, one.name) for other in once):
-            once.append(one)
-    return once
 
 
 def whether_at_all(before: ModelComparison) -> str:
@@ -320,29 +283,16 @@ def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
 
 
 def rival_sentence(rival: Rival) -> str:
-    """What else it could be and where the two differ most, for an answer; `rival_text` has the evidence."""
+    """What else it could be and where the two differ most; `rigctl.answers.evidence` has all of it."""
     other = f"{rival.name} and {rival.beside} together" if rival.beside else rival.name
     text = f"{other} would look like {rival.member}"
     if rival.unusual:
         text += f" with its {rival.unusual}"
-    text += _largest_difference(rival)
+    text += largest_difference(rival)
     return f"{text}, and these data {'' if rival.separable else 'do not '}tell them apart"
 
 
-def rival_text(rival: Rival) -> str:
-    """How similar the two are, where they differ, and whether these data distinguish them."""
-    other = f"{rival.name} and {rival.beside} together" if rival.beside else rival.name
-    text = f"{other} would look like {rival.member} (cos {rival.cos:.2f})"
-    if rival.unusual:
-        text += f" with its {rival.unusual}"
-    if rival.differs is not None:
-        text += _alike_text(rival.differs) + _largest_difference(rival)
-    if rival.separable:
-        return f"{text}, and these data tell them apart (d = {rival.separation:.1f})"
-    return f"{text}, and these data do not tell them apart ({_lacking(rival)})"
-
-
-def _largest_difference(rival: Rival) -> str:
+def largest_difference(rival: Rival) -> str:
     """The clause on where the two differ most; "" if they predict the same."""
     where = rival.differs
     if where is None:
@@ -352,119 +302,6 @@ def _largest_difference(rival: Rival) -> str:
         f"; the two differ most in {where.channel}{' in ' if where.phase else ''}{where.phase}, by up to "
         f"{abs(where.largest):.2g} {where.unit}{most}"
     )
-
-
-def _lacking(rival: Rival) -> str:
-    """Which of the conditions for being distinguishable are not met."""
-    parts = []
-    if rival.separation < LEAST_SEPARATION:
-        parts.append(f"d = {rival.separation:.2f}, at least {LEAST_SEPARATION} is needed")
-    if rival.difference < LEAST_DIFFERENCE:
-        parts.append(f"their mBIC differs by {rival.difference:.1f}, at least {LEAST_DIFFERENCE} is needed")
-    if rival.nested:
-        parts.append(
-            f"{rival.member} with {rival.nested} is {rival.name}, and its fit is not significantly different"
-        )
-    if rival.both_leave:
-        parts.append("both leave much more than the white noise, so that neither is excluded")
-    if not parts:
-        parts.append(
-            f"they differ by {share_text(max(rival.share, 0.0))} of what it explains, and the shape of "
-            f"either may account for that: at least {share_text(TOLERANCE**2)} is needed"
-        )
-    return "; ".join(parts)
-
-
-def _alike_text(where: Differs) -> str:
-    """In which phase the two are most similar, and in which least."""
-    if len(where.alike) < 2 or where.alike[0][1] - where.alike[-1][1] < _UNLIKE:
-        return ""
-    (most, largest), (least, smallest) = where.alike[0], where.alike[-1]
-    side = "not" if smallest < 0.5 else "less so"
-    return f": in {most} ({largest:.2f}), {side} in {least} ({smallest:.2f})"
-
-
-def evidence_for(
-    candidate: Candidate,
-    ranked: Ranked,
-    check: CrossValidation | None,
-    rivals: Sequence[Rival],
-    *,
-    several: bool,
-) -> list[str]:
-    """One sentence for each piece of evidence for or against an effect, one of `several` or the only one."""
-    name = candidate.name
-    lines = [_size(ranked, several=several)]
-    if ranked.delta_bic < 0.0:
-        odds = f"{LEAST_DIFFERENCE} is odds of {ODDS} to 1"
-        lines.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it ({odds})")
-    else:
-        lines.append(f"against {name}: mBIC rises by {ranked.delta_bic:.1f} with it")
-    if check is not None and check.possible:
-        side = "for" if check.passed else "against"
-        lines.append(
-            f"{side} {name}: on conditions left out one at a time the normalised error changes from "
-            f"{check.before:.4g} to {check.after:.4g} ({check.folds} folds, mean gain {check.mean:.1f} "
-            f"± {check.error:.1f})"
-        )
-    if ranked.kappa < _HIDDEN and ranked.hidden_in:
-        lines.append(
-            f"against {name}: {_hidden_text(ranked.hidden_in)} imitates it to within "
-            f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on the remaining "
-            f"{100 * ranked.kappa:.0f} %"
-        )
-    mine = [rival for rival in rivals if rival.member == name]
-    each = sorted(_each_once(mine), key=lambda rival: rival.difference)
-    lines += [f"against {name}: {rival_text(rival)}" for rival in each if not rival.separable]
-    lines += [f"for {name}: {rival_text(rival)}" for rival in each if rival.separable and rival.cos > ALIKE][
-        :1
-    ]
-    return lines
-
-
-def _hidden_text(hidden_in: str) -> str:
-    """The clause on unknowns that imitate an effect."""
-    record_level = "variation from record to record (of settings, zeros, times and initial states)"
-    return record_level if hidden_in == RECORD else f"the fitted {hidden_in}"
-
-
-def _size(ranked: Ranked, *, several: bool) -> str:
-    """Its size relative to the noise, and whether it is significant in the model as given."""
-    p = ranked.score_p_value
-    text = f"for {ranked.effect}: it stands out from the noise by {ranked.size:.1f} sigma"
-    if p > ALPHA and several:
-        return (
-            f"{text}, but only together with the others: by itself its score is not significant (p = {p:.2g})"
-        )
-    if p > ALPHA:
-        return f"{text}, but only at a finite size: from none, its score is not significant (p = {p:.2g})"
-    return f"{text} ({chance_text(p)} for the largest score of the whole library)"
-
-
-def drift_text(drifts: Sequence[Drift]) -> list[str]:
-    """Fitted parameters that were biased by what was missing.
-
-    Without a bias the two estimates differ by chance with variance ``|s₂² − s₁²|``, s being their standard
-    deviations (J. A. Hausman, Econometrica 46 (1978) 1251); a change is reported if it exceeds twice the
-    square root of that, and both s.
-    """
-    return [
-        f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had absorbed "
-        "part of what was missing"
-        for one in drifts
-        if _moved(one)
-    ]
-
-
-def _moved(one: Drift) -> bool:
-    """Whether a change is significant, and large enough to be reported.
-
-    On a scale with an offset, such as degC, a relative change has no meaning.
-    """
-    change = abs(one.after - one.before)
-    before, after = (std if math.isfinite(std) else 0.0 for std in (one.before_std, one.after_std))
-    sure = max(2.0 * math.sqrt(abs(after**2 - before**2)), before, after)
-    return change > sure and (parse_unit(one.unit).absolute_temperature or change > _MOVED * abs(one.before))
 
 
 def _lower_case_start(text: str) -> str:

@@ -33,6 +33,7 @@ from rigctl.effects.declaration import qualified
 from rigctl.effects.drivers import Driver
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.model.measured.note import as_notes
 from rigctl.model.model import Model
 from rigctl.physics.family import ModelFamily
 from rigctl.tasks import Workers
@@ -119,7 +120,7 @@ def discover_beside(
     samples = RefittedSets(before, before.whole).samples
     opened = open_slots(before, progress=report)
     searched = locate(opened, samples, slot, report)
-    result = replace(result, searched=searched, notes=(*diagnosis.notes, *_notes(before, searched)))
+    result = replace(result, searched=searched, notes=(*diagnosis.notes, *as_notes(_notes(before, searched))))
     if not searched.sure:
         return replace(result, statement=_too_weak(searched))
     report("Scoring formulas")

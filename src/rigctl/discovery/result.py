@@ -17,6 +17,7 @@ from rigctl.discovery.formula_fit import Fitted
 from rigctl.discovery.gate import Gate
 from rigctl.discovery.locate import Located, Map
 from rigctl.json_values import finite_or_none
+from rigctl.model.measured.note import Note
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
 
@@ -183,7 +184,7 @@ class Discovery:
     formulas: tuple[FoundFormula, ...]
     tried: int
     statement: str
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     diagnosis: Diagnosis = field(repr=False)
     refuted: frozenset[str] = frozenset()
 
@@ -251,7 +252,7 @@ class Discovery:
             },
             "curves": [one.document() for one in self.curves],
             "formulas": [one.document() for one in self.formulas],
-            "notes": list(self.notes),
+            "notes": list(map(str, self.notes)),
             "statement": self.statement,
         }
 

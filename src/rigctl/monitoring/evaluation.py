@@ -36,6 +36,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem, make_problem
 from rigctl.model.fit.unknowns import parameter_unknown
 from rigctl.model.measured.assumed import assuming
+from rigctl.model.measured.note import Note
 from rigctl.model.model import Model
 from rigctl.monitoring.entries import Entry
 
@@ -98,7 +99,7 @@ class Reading:
     chi2_reduced: float = 1.0
     records: int = 0
     samples: int = 0
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -207,7 +208,7 @@ def _reading_of(plan: Plan, problem: Problem, data: Data) -> Reading:
         chi2_reduced=fitted.chi2_reduced,
         records=len(measured.records),
         samples=measured.samples,
-        notes=tuple(dict.fromkeys(note for note in data_notes(fitted) if note)),
+        notes=tuple(dict.fromkeys(data_notes(fitted))),
     )
 
 

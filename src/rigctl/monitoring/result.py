@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
+from rigctl.model.measured.note import Note
 from rigctl.monitoring.changed_effect import Named
 from rigctl.monitoring.entries import DATE, Axis, Entry
 from rigctl.monitoring.evaluation import Reading
@@ -77,21 +78,21 @@ class Survey:
         return tuple(line for line in self.lines if line.reading is None)
 
     @cached_property
-    def data_notes(self) -> dict[str, tuple[str, ...]]:
+    def data_notes(self) -> dict[Note, tuple[str, ...]]:
         """The remarks on the data, each with the labels of the entries to which it applies."""
-        labels_by_note: dict[str, list[str]] = {}
+        labels_by_note: dict[Note, list[str]] = {}
         for line in self.lines:
             for note in line.reading.notes if line.reading is not None else ():
                 labels_by_note.setdefault(note, []).append(line.entry.label)
         return {note: tuple(labels) for note, labels in labels_by_note.items()}
 
-    def note_text(self, note: str) -> str:
+    def note_text(self, note: Note) -> str:
         """A note on the data, with the entries to which it applies unless these are all."""
         labels = self.data_notes[note]
         if len(labels) == len(self.read):
-            return note
+            return note.text
         more = f" and {len(labels) - _NAMED} more" if len(labels) > _NAMED else ""
-        return f"{note} ({', '.join(labels[:_NAMED])}{more})"
+        return f"{note.text} ({', '.join(labels[:_NAMED])}{more})"
 
     @property
     def verdict(self) -> Literal["changed", "no_change_seen", "cannot_tell"]:
@@ -243,7 +244,7 @@ class Survey:
             "p_value": line.reading.p_value,
             "chi2_reduced": line.reading.chi2_reduced,
             "records": line.reading.records,
-            "notes": list(line.reading.notes),
+            "notes": list(map(str, line.reading.notes)),
         }
 
     def _in_unit(self, quantity: Quantity, si: float | None, *, difference: bool = False) -> float | None:

@@ -6,9 +6,9 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.answers.numbers import prose
 from rigctl.files.write import write_bytes
 from rigctl.report import colours
-from rigctl.report.numbers import prose
 from rigctl.report.plot import Look, Panel, Plot, Trace
 
 if TYPE_CHECKING:

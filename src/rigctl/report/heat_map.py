@@ -10,8 +10,8 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from rigctl.answers.numbers import prose
 from rigctl.files.write import write_bytes
-from rigctl.report.numbers import prose
 from rigctl.report.section import render
 
 #: blue below, orange above: distinguishable for most colour-blind readers

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from rigctl.report.numbers import moment, plural
+from rigctl.answers.numbers import moment, plural
 from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, render
 from rigctl.report.words import words_in

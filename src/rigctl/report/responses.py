@@ -8,8 +8,8 @@ from statistics import fmean, stdev
 
 import numpy as np
 
+from rigctl.answers.numbers import symbol
 from rigctl.json_values import finite_or_none
-from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.run_data import RecordData, RunData
 from rigctl.report.signals import plain_name, quantity_name, sweep_label

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from rigctl.analysis.adequacy import chance
-from rigctl.report import numbers
+from rigctl.answers import numbers
 from rigctl.report.interactive_plots import embed, figure
 from rigctl.report.plot import Plot
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.answers.numbers import setting, symbol
 from rigctl.dataset.history import EventEntry
 from rigctl.report.decimation import changes, thin
-from rigctl.report.numbers import setting, symbol
 from rigctl.report.plot import Look, Mark, Panel, Plot, Span, Trace
 from rigctl.report.run_data import RecordData, RunData, Signal
 from rigctl.units import DIMENSIONLESS, Dimension, parse_unit

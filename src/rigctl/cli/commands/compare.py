@@ -153,8 +153,9 @@ def compare(
     from rigctl.cli.progress import progress_display
 
     with progress_display("Reading the records", "nothing was saved") as on_progress:
+        from rigctl.answers.comparison import comparison_answer, comparison_evidence, rival_blocks
         from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
-        from rigctl.cli.views.compare import show_comparison, show_fmu_rivals
+        from rigctl.cli.blocks import show, show_answer
         from rigctl.command_line import DataOptions
         from rigctl.files.quantity import Q
 
@@ -184,8 +185,11 @@ def compare(
         rival_documents = {"rivals": [one.document() for one in rivals]} if rivals else {}
         print_json({**_document(comparison), **rival_documents})
     else:
-        show_comparison(comparison, verbose=verbose)
-        show_fmu_rivals(rivals)
+        if verbose:
+            show(comparison_evidence(comparison))
+        else:
+            show_answer(comparison_answer(comparison))
+        show(block for rival in rivals for block in rival_blocks(rival))
         choice = DataOptions(only, hold_out, assume or (), family)
         _lead_on(comparison, runs, [str(one) for one in model], choice, fit=fit)
 

@@ -116,8 +116,8 @@ def diagnose(
     with progress_display("Reading the records", message) as on_progress:
         from rigctl.analysis.diagnosis import diagnose_comparison
         from rigctl.analysis.improve import improve
+        from rigctl.answers.documents import diagnosis_document, improvement_document
         from rigctl.cli.commands.compare import open_runs
-        from rigctl.cli.views.diagnose import show_diagnosis, show_improvement
         from rigctl.command_line import DataOptions
         from rigctl.project import own_model
         from rigctl.tasks import Workers
@@ -153,18 +153,31 @@ def diagnose(
                 open_runs(runs), output, compared, done if apply else diagnosis, path, next_one, force=force
             )
     if as_json:
-        print_json(done.document() if apply else diagnosis.document())
+        print_json(improvement_document(done) if apply else diagnosis_document(diagnosis))
     elif apply:
-        show_improvement(done, verbose=verbose)
+        _show(done if done.steps or verbose else done.last, verbose=verbose)
         _lead_on(done.last, runs, model.as_posix(), choice, limit)
     else:
-        show_diagnosis(diagnosis, verbose=verbose)
+        _show(diagnosis, verbose=verbose)
         if next_one is not None:
             from rigctl.cli.views.design import show_design
 
             show_design(next_one, verbose=verbose)
         shown = ["--design"] * design + ["--bootstrap", str(repetitions)] * bool(repetitions)
         _lead_on(diagnosis, runs, model.as_posix(), choice, limit, shown)
+
+
+def _show(result: Diagnosis | Improvement, *, verbose: bool) -> None:
+    """Show the answer; with `verbose` all that it rests on."""
+    from rigctl.analysis.improve import Improvement
+    from rigctl.answers.diagnosis import diagnosis_answer, whole_diagnosis
+    from rigctl.answers.improvement import improvement_answer, improvement_evidence
+    from rigctl.cli.blocks import show, show_answer
+
+    if isinstance(result, Improvement):
+        show(improvement_evidence(result)) if verbose else show_answer(improvement_answer(result))
+    else:
+        show(whole_diagnosis(result)) if verbose else show_answer(diagnosis_answer(result))
 
 
 def _require_no_apply(apply: bool, **others: bool) -> None:

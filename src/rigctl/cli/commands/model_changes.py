@@ -8,15 +8,17 @@ from pathlib import Path
 from rich.markup import escape
 
 from rigctl.analysis.model_change import Changed, Wanted, change_model
+from rigctl.answers.blocks import Answer, counted, nonempty
+from rigctl.answers.comparison import departures
+from rigctl.answers.model_errors import error_bars
+from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.commands.compare import open_runs
 from rigctl.cli.echo import echo, print_json
 from rigctl.cli.next_command import show_next
 from rigctl.cli.progress import progress_display
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
-from rigctl.cli.views.compare import show_departures
 from rigctl.cli.views.history import error_change, held_out_change
-from rigctl.cli.views.model import show_errors, value_texts
+from rigctl.cli.views.model import value_texts
 from rigctl.command_line import DataOptions, analysis
 from rigctl.effects import Effect
 from rigctl.effects.option import read_effect_option
@@ -24,7 +26,6 @@ from rigctl.effects.user import is_effect_file
 from rigctl.model import Model, StatedValue, load_model, stated_values
 from rigctl.model.fit.assumptions import Conditional
 from rigctl.project import find_file
-from rigctl.report.answer import Answer
 from rigctl.units import significant
 
 #: number of fitted parameters in the answer
@@ -88,18 +89,20 @@ def _show(changed: Changed, family: str | None, *, verbose: bool) -> None:
     answer = Answer(
         "good",
         "",
-        f"{head} is now version {version.number}, {new}.",
-        tuple((name, text) for name, text in facts if text),
+        f"{head} is now version {version.number}, {new}",
+        nonempty(facts),
         changed.first,
+        more=() if verbose else tuple(more),
+        headed=False,
     )
-    show_answer(answer, title="-", more=[] if verbose else more)
+    show_answer(answer)
     if verbose and done.before is not None and done.after is not None:
-        show_errors([(old, done.before), (new, done.after)])
+        show(error_bars([(old, done.before), (new, done.after)]))
         if done.before.chi2_reduced is not None and done.after.chi2_reduced is not None:
             before, after = significant(done.before.chi2_reduced), significant(done.after.chi2_reduced)
             echo(f"  reduced χ²: {before} {old}, {after} {new}")
         _show_values(changed.model, changed.conditional)
-    show_departures(changed.outside)
+    show(departures(changed.outside))
     echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
         choice = DataOptions(done.only, done.hold_out, done.assume, family)

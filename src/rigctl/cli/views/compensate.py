@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.answers.blocks import Answer, counted
+from rigctl.cli.blocks import show_answer
 from rigctl.cli.next_command import show_next
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
 from rigctl.compensation.paired_test import Verdict
 from rigctl.compensation.result import Schedule
-from rigctl.report.answer import Answer
 from rigctl.units import parse_unit, show, with_uncertainty
 
 _POINTS = "operating points with their predictions"
@@ -23,7 +24,7 @@ def show_schedule(schedule: Schedule, written: Sequence[Path], *, verbose: bool 
     """Show the set-points, their uncertainty and the measured range; with `verbose` also the table."""
     out = console()
     more = [] if verbose else [*counted(len(schedule.rows), "operating point with its prediction", _POINTS)]
-    show_answer(schedule_answer(schedule), more=more)
+    show_answer(replace(schedule_answer(schedule), more=tuple(more)))
     if verbose:
         out.print(_rows(schedule))
         if schedule.off:

@@ -6,13 +6,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from rigctl.analysis.decision_levels import ODDS
+from rigctl.answers.blocks import Answer, Tone, counted, nonempty
+from rigctl.cli.blocks import show_answer
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.terminal_bars import draw_bar
 from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
 from rigctl.design.text import explanations_in_words, share, title
 from rigctl.planning.outline import clock_time
-from rigctl.report.answer import Answer
-from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import significant
 
 _WIDTH = 12
@@ -48,10 +48,8 @@ def show_design(result: DesignResult, *, verbose: bool = False) -> None:
         ),
         *counted(len(result.sensors), "set of sensors", "sets of sensors"),
     ]
-    answer = Answer(
-        "good" if good else "warn", title(result), result.statement, tuple(f for f in facts if f[1])
-    )
-    show_answer(answer, more=more)
+    tone: Tone = "good" if good else "warn"
+    show_answer(Answer(tone, title(result), result.statement, nonempty(facts), more=tuple(more)))
 
 
 def _in_words(one: ProposedRecord) -> str:

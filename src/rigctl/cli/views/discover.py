@@ -10,14 +10,14 @@ from rich.table import Table
 
 from rigctl.analysis.adequacy import chance, chance_text
 from rigctl.analysis.remainder import strength
+from rigctl.answers.blocks import Answer, Tone, counted
+from rigctl.cli.blocks import show_answer
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.terminal_bars import draw_bar
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.locate import Located
 from rigctl.discovery.result import Discovery, FoundFormula
-from rigctl.report.answer import Answer, Tone
 from rigctl.report.braille import draw_curve
-from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import show, significant
 
 #: places, and lines of a curve, that are shown
@@ -35,7 +35,8 @@ def show_discovery(discovery: Discovery, *, verbose: bool = False) -> None:
         *counted(len(discovery.curves[:1]), "curve"),
     ]
     more += [*counted(len(discovery.formulas), "formula"), *counted(len(discovery.notes), "note")]
-    show_answer(Answer(tone, title, sentence, tuple(_facts(discovery))), more=() if verbose else more)
+    shown = () if verbose else tuple(more)
+    show_answer(Answer(tone, title, sentence, tuple(_facts(discovery)), more=shown))
     if verbose:
         _show_evidence(discovery)
         return
@@ -59,7 +60,7 @@ def _facts(discovery: Discovery) -> Iterator[tuple[str, str]]:
 def _show_evidence(discovery: Discovery) -> None:
     out = console()
     for note in discovery.notes:
-        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+        out.print(f"  [dim]{escape(note.text)}[/]", soft_wrap=True)
     if discovery.searched is None:
         return
     out.print(_places(discovery.located[:_PLACES]))

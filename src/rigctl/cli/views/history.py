@@ -8,13 +8,13 @@ from dataclasses import replace
 
 from rich.markup import escape
 
+from rigctl.answers.blocks import Answer, counted
+from rigctl.answers.model_errors import error_bars
+from rigctl.answers.numbers import number, symbol
+from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
-from rigctl.cli.views.model import show_errors
 from rigctl.model import Version, VersionError, version_errors
 from rigctl.model.history.change import Change, ModelError
-from rigctl.report.answer import Answer
-from rigctl.report.numbers import number, symbol
 from rigctl.units import significant
 
 #: versions that the answer names, the last ones
@@ -28,14 +28,12 @@ def show_history(versions: Sequence[Version], current: Version, *, verbose: bool
     errors = version_errors(versions)
     bars = sum(len(each.error.rmse) for each in errors)
     more = [*counted(len(versions), "version with its date", "versions with their dates")]
-    show_answer(
-        history_answer(versions, current),
-        more=[] if verbose else [*more, *(["all errors as bars"] if bars else [])],
-    )
+    more += ["all errors as bars"] if bars else []
+    show_answer(replace(history_answer(versions, current), more=() if verbose else tuple(more)))
     if verbose:
         _show_versions(versions, current)
         if errors:
-            show_errors([(_label(each), each.error) for each in errors])
+            show(error_bars([(_label(each), each.error) for each in errors]))
 
 
 def history_answer(versions: Sequence[Version], current: Version) -> Answer:

@@ -74,10 +74,10 @@ def write_preview(preview: Preview, path: Path) -> Path:
     RigctlError
         the file's ending is another one, there is nothing to draw, or it cannot be written.
     """
+    from rigctl.answers.numbers import symbol
     from rigctl.dataset.outputs import is_figure, require_output
     from rigctl.errors import RigctlError
     from rigctl.report.figure_files import write_figure
-    from rigctl.report.numbers import symbol
     from rigctl.report.plot import Look, Panel, Plot, Trace
 
     form = path.suffix.lower().removeprefix(".")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,10 +12,8 @@ from rigctl.cli.tables import console, table
 from rigctl.effects.declaration import Effect
 from rigctl.model import Model, StatedValue, Version, stated_values
 from rigctl.model.difference import ModelDifference, ValueDifference
-from rigctl.model.history.change import ModelError
 from rigctl.model.value_table import rounded
 from rigctl.printable import shown_path
-from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import known_digits, parse_unit, significant, with_uncertainty
 
 #: the source of a value that the model file does not explain
@@ -218,42 +215,6 @@ def difference_document(difference: ModelDifference) -> dict[str, Any]:
             for value in difference.values
         ],
     }
-
-
-def show_errors(steps: Sequence[tuple[str, ModelError]]) -> None:
-    """Show the error of each channel after each step; the bars are the error without the noise.
-
-    If the noise is not known they are the whole error.
-    """
-    out = console()
-    width = max(len(label) for label, _ in steps)
-    for channel in dict.fromkeys(name for _, error in steps for name in error.rmse):
-        unit = next((error.units[channel] for _, error in steps if channel in error.units), "")
-        bars = _bars(steps, channel)
-        noise = next((value for _, kind, value in bars if kind == "noise"), 0.0)
-        sizes = [math.sqrt(max(value**2 - noise**2, 0.0)) for _, _, value in bars]
-        what = "; bars without the noise" if noise else ""
-        out.print(f"  [bold]{channel}[/], root mean square error{escape(f' [{unit}]' if unit else '')}{what}")
-        for (label, kind, value), size in zip(bars, sizes, strict=True):
-            colour = {"fitted": "cyan", "held out": "yellow"}.get(kind, "dim")
-            bar = draw_bar(size, max(sizes))
-            out.print(
-                f"  {escape(label):<{width}}  {kind:<8} [{colour}]{bar}[/] {significant(value)}",
-                soft_wrap=True,
-            )
-
-
-def _bars(steps: Sequence[tuple[str, ModelError]], channel: str) -> list[tuple[str, str, float]]:
-    """Label, kind and value of every bar of a channel."""
-    bars: list[tuple[str, str, float]] = []
-    for label, error in steps:
-        if channel in error.rmse:
-            bars.append((label, "fitted", error.rmse[channel]))
-        if channel in error.heldout_rmse:
-            named = label if channel not in error.rmse else ""
-            bars.append((named, "held out", error.heldout_rmse[channel]))
-    noise = [error.noise[channel] for _, error in steps if channel in error.noise]
-    return bars + [("", "noise", value) for value in noise[-1:]]
 
 
 def _prior(known: tuple[float, float] | None) -> dict[str, float] | None:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.markup import escape
 
 from rigctl.analysis.adequacy import chance
+from rigctl.answers.blocks import Answer, counted
+from rigctl.answers.numbers import plural
+from rigctl.cli.blocks import show_answer
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.answer import counted, show_answer
-from rigctl.cli.views.compare import routine
 from rigctl.monitoring.result import Line, Survey
-from rigctl.report.answer import Answer
-from rigctl.report.numbers import plural
 
 #: number of series, runs and tests that a terminal shows
 _COURSES, _LINES, _TESTS = 4, 24, 8
@@ -38,7 +38,7 @@ def show_survey(survey: Survey, written: Sequence[Path], *, verbose: bool = Fals
         *counted(max(len(survey.failed) - 1, 0), "more failure", "more failures"),
         *counted(len(survey.data_notes) - len(notes), "note on the data", "notes on the data"),
     ]
-    show_answer(survey_answer(survey), more=[] if verbose else more)
+    show_answer(replace(survey_answer(survey), more=() if verbose else tuple(more)))
     if verbose:
         _show_runs(survey)
         _show_tests(survey)
@@ -53,9 +53,8 @@ def show_survey(survey: Survey, written: Sequence[Path], *, verbose: bool = Fals
 
 def _notes_on_data(survey: Survey) -> list[str]:
     """The notes on the data shown without ``-v``: not the routine ones, those of most runs first."""
-    usual = set(routine(list(survey.data_notes)))
     unusual = sorted(
-        (one for one in survey.data_notes.items() if one[0] not in usual), key=lambda one: -len(one[1])
+        (one for one in survey.data_notes.items() if one[0].kind == "unusual"), key=lambda one: -len(one[1])
     )
     return [survey.note_text(note) for note, _ in unusual[:_NOTES]]
 

@@ -10,6 +10,7 @@ from rigctl.dataset.assumptions import assumed_value, read_assumptions
 from rigctl.dataset.run import Run
 from rigctl.errors import unknown_name
 from rigctl.model.inputs import commanded_unit
+from rigctl.model.measured.note import Note
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.units import show
@@ -69,7 +70,7 @@ def input_unit(model: Model, rig: Rig | None, name: str) -> str:
     return "degC" if item.unit == "K" and not item.difference else item.unit
 
 
-def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[str]:
+def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[Note]:
     """A note that an input was not recorded, and its given value."""
     actuators = rig.actuators if rig is not None else {}
     shown = []
@@ -78,4 +79,4 @@ def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[str]:
             shown.append(f"{name} {actuators[name].show(value)}")
         elif any(item.name == name for item in model.family.inputs):
             shown.append(f"{name} {show(value, input_unit(model, rig, name))}")
-    return [f"assumed of {run.id}, not recorded: {', '.join(shown)}"] if shown else []
+    return [Note(f"assumed of {run.id}, not recorded: {', '.join(shown)}", "taken")] if shown else []

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.dataset.gaps import find_gap
+from rigctl.model.measured.note import Note
 from rigctl.model.measured.record import MeasuredRecord
 
 
@@ -15,11 +16,12 @@ def _seconds(value: float) -> str:
     return f"{value:.3g} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
 
 
-def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator[str]:
+def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator[str | Note]:
     """Imprecise switch times, gaps in time, missing values, channels that never change."""
     half = max((float(record.switch_half.max(initial=0.0)) for record in records), default=0.0)
     if half > 0.0:
-        yield f"Commands were written down with the samples: their times are known to ±{_seconds(half)}"
+        text = f"Commands were written down with the samples: their times are known to ±{_seconds(half)}"
+        yield Note(text, "taken")
     jitter = max((float(record.switch_jitter.max(initial=0.0)) for record in records), default=0.0)
     if jitter > 0.0:
         yield f"By the rig file, the times at which actuators act scatter by ±{_seconds(2.0 * jitter)} (95 %)"

@@ -22,6 +22,7 @@ from rigctl.model.measured.excitation import (
 )
 from rigctl.model.measured.groups import group_numbers
 from rigctl.model.measured.input_notes import acting_notes, steady_inputs, taken_notes
+from rigctl.model.measured.note import Note, as_notes
 from rigctl.model.measured.notes import notes
 from rigctl.model.measured.observations import observed_records, taken_inputs, taken_temperature, titles
 from rigctl.model.measured.phases import phases_of
@@ -55,7 +56,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     _require_channels(model, runs, known)
     records: list[MeasuredRecord] = []
     every = -(-sum(int(run.info["rows"]) for run in runs) // _MOST_SAMPLES)
-    left_out = _thinned_note(every)
+    left_out: list[str | Note] = [*_thinned_note(every)]
     acts: list[Acting] = []
     for run in runs:
         if run.info["rows"]:
@@ -90,12 +91,14 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         records=tuple(used),
         rig=rig,
         runs=tuple(run.id for run in runs),
-        notes=(
-            *left_out,
-            *acting_notes(model, rig, grouped, acts),
-            *steady.notes,
-            *notes(grouped, outputs),
-            *stuck,
+        notes=as_notes(
+            (
+                *left_out,
+                *acting_notes(model, rig, grouped, acts),
+                *steady.notes,
+                *notes(grouped, outputs),
+                *stuck,
+            )
         ),
         input_noise=steady.noise,
     )
@@ -107,7 +110,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         possible_errors=tuple(one for one in errors if not one.known),
     )
     require_long_records(uncertain)
-    return replace(uncertain, notes=(*uncertain.notes, *clock_notes(uncertain)))
+    return replace(uncertain, notes=(*uncertain.notes, *as_notes(clock_notes(uncertain))))
 
 
 def _reading_errors(

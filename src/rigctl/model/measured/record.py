@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.excitation import Ramps
+from rigctl.model.measured.note import Note
 from rigctl.model.reading_errors import ReadingError
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
@@ -179,7 +180,7 @@ class Measurements:
     records: tuple[MeasuredRecord, ...]
     rig: Rig | None
     runs: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     columns: Mapping[str, str] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)
     input_noise: Mapping[str, float] = field(default_factory=dict)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.dataset.run import Run
+from rigctl.model.measured.note import as_notes
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.noise import same_reading
 
@@ -120,5 +121,5 @@ def _only_columns(measurements: Measurements, kept: Sequence[int], notes: Sequen
         outputs=tuple(measurements.outputs[index] for index in kept),
         units=tuple(measurements.units[index] for index in kept),
         records=records,
-        notes=(*measurements.notes, *notes),
+        notes=(*measurements.notes, *as_notes(notes)),
     )

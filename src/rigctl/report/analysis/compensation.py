@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rigctl.analysis.decision_levels import INTERVAL
+from rigctl.answers.numbers import symbol
 from rigctl.compensation.result import Row, Schedule
-from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
+from rigctl.answers.blocks import Bar, Bars
+from rigctl.answers.numbers import symbol
 from rigctl.design.result import DesignResult, DesignRival, Prediction, SensorSet
 from rigctl.design.text import share, title
 from rigctl.planning.outline import clock_time
-from rigctl.report.analysis.bars import Bar, bars
-from rigctl.report.numbers import symbol
+from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
@@ -62,7 +63,7 @@ def _chances(result: DesignResult) -> Markup:
         Bar(f"with record {number}", one.after, share(one.after), "", 0)
         for number, one in enumerate(result.records, start=1)
     ]
-    return bars("Probability that a diagnosis names the right rival alone", shown)
+    return page_blocks([Bars("Probability that a diagnosis names the right rival alone", tuple(shown))])
 
 
 def _rival(one: DesignRival) -> dict[str, object]:

@@ -8,10 +8,10 @@ import math
 import numpy as np
 from markupsafe import Markup
 
+from rigctl.answers.numbers import symbol
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.physics.family import ModelFamily, Slot
-from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigctl.analysis.held_out_group import HeldOutGroup
-from rigctl.report.analysis.bars import Bar, bars
+from rigctl.answers.blocks import Bar, Bars, Block, Figure, Sentence
+from rigctl.answers.numbers import symbol
 from rigctl.report.analysis.overlay import overlay_plot
-from rigctl.report.numbers import symbol
+from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Plot
-from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.section import Section, plot_slot
 from rigctl.report.signals import plain_name
 from rigctl.units import significant
 
@@ -20,25 +21,21 @@ def unseen_sections(groups: Sequence[HeldOutGroup]) -> list[Section]:
     """A statement; if the model misses something, also bars and the record that shows it most."""
     if not groups:
         return []
-    plots = [None if one.as_good else _worst(one, number) for number, one in enumerate(groups)]
-    parts = [
-        {
-            "good": one.as_good,
-            "sentences": one.sentences,
-            "bars": [] if one.as_good else [_bars(name, values) for name, values in one.channels().items()],
-            "plot": None if plot is None else plot_slot(plot),
-            "caption": "" if plot is None else plot.caption,
-        }
-        for one, plot in zip(groups, plots, strict=True)
-    ]
-    drawn = tuple(plot for plot in plots if plot is not None)
+    drawn, blocks = list[Plot](), list[Block]()
+    for number, one in enumerate(groups):
+        first, *rest = one.sentences
+        blocks += [Sentence(first, "good" if one.as_good else "warn"), *map(Sentence, rest)]
+        if not one.as_good:
+            drawn.append(_worst(one, number))
+            blocks += [_bars(name, values) for name, values in one.channels().items()]
+            blocks.append(Figure(drawn[-1].id, drawn[-1].caption))
     good = all(one.as_good for one in groups)
-    body = render("unseen.html", parts=parts)
+    body = page_blocks(blocks, {plot.id: plot_slot(plot) for plot in drawn})
     hint = "as good as where it was fitted" if good else ""
-    return [Section("unseen", "Records that no fit saw", body, drawn, folded=good, hint=hint)]
+    return [Section("unseen", "Records that no fit saw", body, tuple(drawn), folded=good, hint=hint)]
 
 
-def _bars(name: str, values: dict[str, object]) -> object:
+def _bars(name: str, values: dict[str, object]) -> Bars:
     unit = symbol(str(values["unit"]))
     sizes = [("here", values["rmse"], 1), ("where it was fitted", values["fitted_rmse"], 0)]
     sizes.append(("the noise alone", values["noise"], 7))
@@ -48,7 +45,7 @@ def _bars(name: str, values: dict[str, object]) -> object:
         Bar(label, size / largest, f"{significant(size, 3)} {unit}", "", colour)
         for label, size, colour in known
     ]
-    return bars(f"Error of the {plain_name(name)} (RMSE)", shown)
+    return Bars(f"Error of the {plain_name(name)} (RMSE)", tuple(shown))
 
 
 def _worst(one: HeldOutGroup, number: int) -> Plot:

@@ -9,14 +9,15 @@ from pathlib import Path
 from markupsafe import Markup
 
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.answers.blocks import Bar, Bars
+from rigctl.answers.numbers import symbol
 from rigctl.model.history.change import ModelError
 from rigctl.model.history.errors import version_errors
 from rigctl.model.history.store import versions
-from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.stroke_over_temperature import stroke_plot
+from rigctl.report.blocks import page_blocks
 from rigctl.report.heat_map import HeatMap, heat_map_table
-from rigctl.report.numbers import symbol
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 from rigctl.units import significant
@@ -102,10 +103,10 @@ def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
         for (label, rmse, what, colour), size in zip(rows, sizes, strict=True)
     ]
     if not noise:
-        return bars(f"{plain_name(channel)}: error by version (RMSE)", shown)
+        return page_blocks([Bars(f"{plain_name(channel)}: error by version (RMSE)", tuple(shown))])
     size = f"{significant(noise, 3)} {unit}".rstrip()
     heading = f"systematic error by version; the noise of {size} is taken off"
-    return bars(f"{plain_name(channel)}: {heading}", shown)
+    return page_blocks([Bars(f"{plain_name(channel)}: {heading}", tuple(shown))])
 
 
 def _size_text(size: float, noise: float, unit: str) -> str:

@@ -8,21 +8,21 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
-from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.improve import Improvement
+from rigctl.answers.blocks import Details, Figure, Sentence
+from rigctl.answers.diagnosis import whole_diagnosis
+from rigctl.answers.improvement import improvement_answer
+from rigctl.answers.systematic import left_of
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.held_out import unseen_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.page_top import NamedModels, answer_section
 from rigctl.report.analysis.stroke_over_temperature import held_out_strokes, stroke_plot
-from rigctl.report.diagnosis_answer import improvement_answer
+from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Plot
-from rigctl.report.section import Section, plot_slot, render
-from rigctl.report.signals import plain_name
-from rigctl.report.systematic import left_of
+from rigctl.report.section import Section, plot_slot
 
 
 def improvement_sections(compared: Comparison, improved: Improvement, path: Path) -> list[Section]:
@@ -46,18 +46,8 @@ def left_sections(improved: Improvement) -> list[Section]:
     last = improved.last
     if not improved.steps:
         return []
-    body = render(
-        "model_now.html",
-        good=last.verdict is Verdict.ADEQUATE and not last.doubt,
-        heading=last.title,
-        statement=last.statement,
-        remainder=last.remainder_text,
-        chance=chance_text(last.before.adequacy.p_value),
-        version=improved.steps[-1].version.number,
-        evidence=[text for text in last.further_evidence if last.verdict is not Verdict.ADEQUATE],
-        classes=[names for names in last.classes if len(names) > 1],
-    )
     hint = f"{last.title}; what these data still cannot decide"
+    body = page_blocks(whole_diagnosis(last))
     return [Section("model-now", "The model as it is now", body, folded=True, hint=hint)]
 
 
@@ -81,12 +71,16 @@ def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Pa
     )
     about = f"{path.name}, {versions[-1].name}"
     top = answer_section(improvement_answer(improved), named, about=about)
-    reasons = render(
-        "improvement.html",
-        steps=[
-            (step.version.number, " and ".join(map(plain_name, step.effects)), step.reason)
-            for step in improved.steps
-        ],
+    reasons = page_blocks(
+        [
+            Details(
+                "why each was added",
+                tuple(
+                    Sentence(step.reason, head=f"version {step.version.number}, {' and '.join(step.effects)}")
+                    for step in improved.steps
+                ),
+            )
+        ]
     )
     picture, drawn = _wrong_direction(first, last)
     return replace(top, id="improvement", body=picture + top.body + reasons, plots=(*drawn, *top.plots))
@@ -98,11 +92,14 @@ def _wrong_direction(first: ModelComparison, last: ModelComparison) -> tuple[Mar
     plot = stroke_plot((first, last), "answer-stroke") if wrong else None
     if plot is None:
         return Markup(), ()
-    body = render(
-        "wrong_direction.html",
-        sentence=f"wrong direction: {wrong[0].text}",
-        plot=plot_slot(plot),
-        caption=f"Stroke against temperature: measured (markers), {first.name} (dotted), {last.name} (lines)",
-        unseen=held_out_strokes(first, last),
+    unseen = held_out_strokes(first, last)
+    caption = f"Stroke against temperature: measured (markers), {first.name} (dotted), {last.name} (lines)"
+    body = page_blocks(
+        [
+            Sentence(f"wrong direction: {wrong[0].text}", "bad"),
+            *([Sentence(unseen)] if unseen else []),
+            Figure(plot.id, caption),
+        ],
+        {plot.id: plot_slot(plot)},
     )
     return body, (plot,)

@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from rigctl.answers.blocks import Bar, Bars
+from rigctl.answers.learning import learning_answer
+from rigctl.answers.numbers import words
 from rigctl.design.text import share
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time
-from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.page_top import NamedModels, answer_section
-from rigctl.report.learning_answer import learning_answer
-from rigctl.report.numbers import words
+from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
@@ -145,4 +146,6 @@ def _predicted_and_achieved(learned: Learned) -> Markup:
             shown.append(Bar("achieved", max(gain, 0.0) / largest, significant(gain, 3), "", 0))
     if not shown:
         return Markup()
-    return bars("Growth of the log-likelihood ratio 2·ln L: predicted and achieved", shown)
+    return page_blocks(
+        [Bars("Growth of the log-likelihood ratio 2·ln L: predicted and achieved", tuple(shown))]
+    )

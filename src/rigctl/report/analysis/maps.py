@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.localisation import whitened_errors
+from rigctl.answers.numbers import symbol
 from rigctl.model.measured.conditions import variable_units
 from rigctl.report.heat_map import HeatMap
-from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit, significant
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.answers.numbers import symbol
 from rigctl.model.curve_bands import CurveBand, combined
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import ChannelNoise
-from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Span, Trace
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit

@@ -9,14 +9,14 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from rigctl.answers.blocks import Answer, Bar, Bars
+from rigctl.answers.numbers import words
+from rigctl.answers.systematic import ChannelFall, falls
 from rigctl.model.fit.fit import FitResult
-from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.overlay import condition_of, fall_plot
-from rigctl.report.answer import Answer, without_chance
-from rigctl.report.numbers import words
+from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Plot
 from rigctl.report.section import Section, plot_slot, render
-from rigctl.report.systematic import ChannelFall, falls
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class NamedModels:
     """Models on the same data, by their names on the page: the first is the original, the last the current
     one.
 
-    `left` is the systematic error of each, as of `rigctl.report.systematic.falls`.
+    `left` is the systematic error of each, as of `rigctl.answers.systematic.falls`.
     """
 
     names: tuple[str, ...]
@@ -60,14 +60,13 @@ def _mean_square(error: Floats) -> float:
     return float(np.mean(present**2)) if present.size else 0.0
 
 
-def answer_section(answer: Answer, named: NamedModels | None, *, about: str, sentence: str = "") -> Section:
+def answer_section(answer: Answer, named: NamedModels | None, *, about: str) -> Section:
     """The beginning of the page.
 
     Parameters
     ----------
     named: the models of the answer; with None nothing is drawn.
     about: the model after which the page is named.
-    sentence: replaces that of the answer, if that contains statistics.
     """
     channel_falls = falls(named.fits, named.left) if named is not None else ()
     shown = [one for one in channel_falls if _shows(one)]
@@ -81,15 +80,16 @@ def answer_section(answer: Answer, named: NamedModels | None, *, about: str, sen
         "answer.html",
         answer=answer,
         first=[words(one) for one in answer.first],
-        sentence=words(without_chance(sentence or answer.sentence)),
+        sentence=words(answer.sentence),
         facts=[(words(head), words(text)) for head, text in answer.facts if head not in _ELSEWHERE],
         falls=None if named is None else _chart(shown, named),
         quiet="" if answer.tone == "open" else words(_unchanged(channel_falls, shown) if shown else error),
         plot=None if plot is None else plot_slot(plot),
         caption="" if plot is None else plot.caption,
+        remarks=page_blocks(answer.remarks),
     )
     drawn = () if plot is None else (plot,)
-    return Section("answer", answer.title, body, drawn, names_page=about)
+    return Section("answer", words(answer.title), body, drawn, names_page=about)
 
 
 def _shows(one: ChannelFall) -> bool:
@@ -120,7 +120,7 @@ def _bars(title: str, shown: Sequence[ChannelFall], named: NamedModels) -> Marku
         for one in shown
         for index, name in enumerate(named.names)
     ]
-    return bars(title, entries)
+    return page_blocks([Bars(title, tuple(entries))])
 
 
 def _bar(one: ChannelFall, index: int, label: str, largest: float) -> Bar:

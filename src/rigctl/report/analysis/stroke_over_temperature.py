@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.answers.numbers import plural, symbol
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.conditions import variable_units
-from rigctl.report.numbers import plural, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit, significant

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chance
 from rigctl.analysis.decision_levels import INTERVAL, SURVEY_ALPHA
+from rigctl.answers.numbers import plural, symbol
 from rigctl.dataset.outputs import is_page, require_output
 from rigctl.files.write import write_text
 from rigctl.monitoring.entries import DATE, ORDER
 from rigctl.monitoring.multiplicity import Course
 from rigctl.monitoring.result import Survey
-from rigctl.report.numbers import plural, symbol
 from rigctl.report.page import page
 from rigctl.report.plot import Look, Mark, Panel, Plot, Trace
 from rigctl.report.run_data import RunData

@@ -10,29 +10,17 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.single_values.rows import TableRow, short_condition, shows_unfitted
+from rigctl.answers.numbers import prose, symbol
 from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.table import curve_variable, curves, set_variable
-from rigctl.report.numbers import MISSING, prose, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
-from rigctl.report.section import plot_slot, render
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit, significant
+from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
 #: the band of the noise, in standard deviations
 _BAND = 2.0
-
-
-@dataclass(frozen=True)
-class TablePart:
-    """The plot of one quantity, and its rows as text."""
-
-    quantity: str
-    plot: Plot
-    slot: object
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -56,15 +44,10 @@ class _Curve:
         return self.number if self.label else 7
 
 
-def table_parts(comparison: Comparison) -> list[TablePart]:
+def table_plots(comparison: Comparison) -> list[Plot]:
     """The views of all quantities of a table; none for time series."""
-    first = comparison.models[0]
-    parts = []
-    for number, quantity in enumerate(dict.fromkeys(row.quantity for row in first.rows)):
-        plot = table_plot(comparison.models, quantity, f"table-{number}")
-        head, rows = _text(comparison.models, quantity)
-        parts.append(TablePart(plain_name(quantity), plot, plot_slot(plot), head, rows))
-    return parts
+    quantities = dict.fromkeys(row.quantity for row in comparison.models[0].rows)
+    return [table_plot(comparison.models, name, f"table-{k}") for k, name in enumerate(quantities)]
 
 
 def table_plot(models: Sequence[ModelComparison], quantity: str, key: str) -> Plot:
@@ -199,48 +182,3 @@ def _noise_band(rows: Sequence[TableRow], x: Floats, unit: str, *, relative: boo
         Trace(name, ends, level, Look.LINE, 7, unit, faint=True),
         Trace("", ends, -level, Look.LINE, 7, unit, faint=True, in_legend=False),
     ]
-
-
-def _text(
-    models: Sequence[ModelComparison], quantity: str
-) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """The rows of the table as text."""
-    table_rows = _rows(models[0], quantity)
-    beside = list(dict.fromkeys(name for row in table_rows for name in row.beside))
-    fitted = shows_unfitted(table_rows)
-    head = ["at", f"measured [{symbol(table_rows[0].unit)}]", "noise"]
-    for model in models:
-        name = (
-            model.name
-            if len(models) > 1
-            else "model, fitted"
-            if table_rows[0].unfitted is not None
-            else "model"
-        )
-        head += [name, "model − measured", "times the noise"]
-    head += ["as in its file", "times the noise"] if fitted and len(models) == 1 else []
-    head += [plain_name(name.removeprefix(f"{quantity}_")) for name in beside]
-    by_model = [{row.record: row for row in _rows(model, quantity)} for model in models]
-    rows = []
-    for row in table_rows:
-        cells = [prose(row.condition) + ("" if row.fitted else ", held out")]
-        cells += [significant(row.measured, 5), significant(row.noise, 2)]
-        for by_record in by_model:
-            one = by_record[row.record]
-            share = _shown(100.0 * one.share(one.predicted), "+.2f", " %")
-            cells += [significant(one.predicted, 5), share, f"{one.z:+.1f}"]
-        if fitted and len(models) == 1:
-            cells += [_shown(row.unfitted, ".5g"), _shown(row.z_unfitted, "+.1f")]
-        cells += [_shown(row.beside.get(name), ".5g") for name in beside]
-        rows.append(tuple(cells))
-    return tuple(head), tuple(rows)
-
-
-def _shown(value: float | None, form: str, unit: str = "") -> str:
-    """A number as text; a dash where there is none."""
-    return MISSING if value is None or not np.isfinite(value) else f"{value:{form}}{unit}"
-
-
-def table_body(parts: Sequence[TablePart], findings: Sequence[str]) -> object:
-    """The plots with their captions, and the rows, as HTML."""
-    return render("table.html", parts=parts, findings=findings)

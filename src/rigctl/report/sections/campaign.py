@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigctl.report.numbers import MISSING, amount, decimals, fixed, number, setting, symbol
+from rigctl.answers.numbers import MISSING, amount, decimals, fixed, number, setting, symbol
 from rigctl.report.responses import Point, Response, response_plot, responses
 from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, plot_slot, render

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rigctl.answers.numbers import duration, number, plural
 from rigctl.dataset.history import EventEntry
-from rigctl.report.numbers import duration, number, plural
 from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, cut, render
 from rigctl.report.signals import ALARMS

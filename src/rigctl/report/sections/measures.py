@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigctl.report.numbers import amount, number, plural, with_unit
+from rigctl.answers.numbers import amount, number, plural, with_unit
 from rigctl.report.run_data import Measured, RunData
 from rigctl.report.section import Section, cut, render
 from rigctl.report.signals import plain_name, record_label

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rigctl.report.numbers import duration, moment, plural, whole
+from rigctl.answers.numbers import duration, moment, plural, whole
 from rigctl.report.run_data import COMPLETE, RunData
 from rigctl.report.section import Section, render
 from rigctl.report.signals import ALARMS, end_to_end

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rigctl.report.numbers import symbol
+from rigctl.answers.numbers import symbol
 from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, render
 from rigctl.report.signals import plain_name
@@ -84,7 +84,7 @@ def _amount(value: object, unit: str) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, int | float) and unit:
-        from rigctl.report.numbers import amount
+        from rigctl.answers.numbers import amount
         from rigctl.units import parse_unit
 
         return amount(parse_unit(unit).from_si(float(value), difference=True), _interval(unit))

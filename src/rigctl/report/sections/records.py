@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from rigctl.answers.numbers import decimals, duration, fixed, plural, setting, symbol
 from rigctl.report.interactive_plots import arrays, embed, template
-from rigctl.report.numbers import decimals, duration, fixed, plural, setting, symbol
 from rigctl.report.plot import Plot
 from rigctl.report.run_data import COMPLETE, RecordData, RunData
 from rigctl.report.section import Section, cut, render

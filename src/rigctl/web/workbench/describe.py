@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.answers.numbers import symbol
 from rigctl.model.fit.problem import Problem
 from rigctl.model.history.store import current_version
 from rigctl.model.measured.conditions import condition_text, variable_units
 from rigctl.model.measured.table import curve_variable, curves
 from rigctl.report.decimation import thin
-from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit, significant
 from rigctl.web.workbench.frames import frame
@@ -53,7 +53,7 @@ def opened_document(bench: Workbench) -> dict[str, Any]:
         "records": _records(problem, held_out),
         "map": _axes(problem),
         "over": _over(problem),
-        "notes": [*measured.notes, problem.noise.statement],
+        "notes": [*map(str, measured.notes), problem.noise.statement],
         "state": state_document(bench.track.present),
         "commands": {verb: subject.analysis(verb) for verb in ("compare", "diagnose", "design", "discover")}
         | {"fit": subject.change("fit"), "history": subject.history()},

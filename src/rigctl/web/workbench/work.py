@@ -291,7 +291,7 @@ def _curves(problem: Problem, k: int, named: Mapping[str, Floats]) -> dict[str, 
 
 def _predictions(result: DesignResult, number: int) -> list[dict[str, Any]]:
     """The predictions of the rivals for a proposed record, by channel, in the channel's unit."""
-    from rigctl.report.numbers import symbol
+    from rigctl.answers.numbers import symbol
 
     drawn = []
     for one in result.records[number].predictions:

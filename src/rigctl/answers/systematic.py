@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rigctl.analysis.decision_levels import ALPHA
-from rigctl.report.numbers import number, symbol
+from rigctl.answers.numbers import number, symbol
 from rigctl.units import parse_unit, significant
 
 if TYPE_CHECKING:

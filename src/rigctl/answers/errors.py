@@ -1,67 +1,20 @@
-"""The result of a comparison, for a reader who has a minute; every other answer has the same form.
-
-One title, one plain sentence, and the next questions: how large, how certain, how the error changed, what is
-left. The page and the terminal show the same; the evidence follows in technical terms.
-"""
+"""The errors of models in words: the systematic error, its change, and the error on records held out."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.slot_evidence import SlotEvidence
+from rigctl.answers.numbers import plural
+from rigctl.answers.systematic import ChannelFall
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import Source, Standing
-from rigctl.report.numbers import plural
-from rigctl.report.systematic import ChannelFall, falls, left_of
 from rigctl.units import significant
 
-Tone = Literal["good", "warn", "bad", "open"]
-
-#: format of `chance_text`
-_CHANCE = re.compile(r" \(p [<=] [0-9.e+-]+\)")
 #: relative change of an error from which it counts as changed
 _CHANGED = 0.02
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The answer, without its evidence.
-
-    Attributes
-    ----------
-    tone: good if nothing is wrong, warn if something is missing, bad if the model fails, open if these data
-        cannot tell.
-    title: the verdict in a few words.
-    sentence: the verdict in a plain sentence, without a full stop.
-    facts: headings and texts, the most important first.
-    first: sentences that come before the verdict: what has to be known to trust it.
-    """
-
-    tone: Tone
-    title: str
-    sentence: str
-    facts: tuple[tuple[str, str], ...]
-    first: tuple[str, ...] = ()
-
-
-def comparison_answer(model: ModelComparison) -> Answer:
-    """How well one model agrees, and where it fails most."""
-    facts = [("fit", fit_text(model))]
-    if not model.adequacy.undecided:  # where the noise is not known, no error is within it or beyond
-        facts.append(("error", error_text(falls([model.fit], [left_of(model)]), pattern_of(model))))
-    verdict = model.adequacy.verdict
-    if verdict is False:
-        facts += [("mostly at", _most(model)), ("lacks", "" if model.bounded else _wanted(model))]
-    facts.append(("held out", held_out_text([model.fit])))
-    facts.append(("decided by", "; or ".join(model.decided_by)))
-    tones: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
-    titles = {True: "Agrees", False: "Does not agree", None: "Cannot tell"}
-    return Answer(tones[verdict], titles[verdict], model.statement, nonempty(facts), model.first)
 
 
 def fit_text(model: ModelComparison) -> str:
@@ -90,34 +43,6 @@ _KNOWN_FROM: dict[Source | Standing, str] = {
     "guess": "a guess",
     "assumed": "a guess",
 }
-
-
-def models_answer(models: Sequence[ModelComparison]) -> Answer:
-    """The answer for the last of several models, with the change of the error since the first."""
-    last = comparison_answer(models[-1])
-    if len(models) == 1:
-        return last
-    fits = [model.fit for model in models]
-    lefts = [left_of(model) for model in models]
-    facts = [("error", error_text(falls(fits, lefts))), ("held out", held_out_text(fits))]
-    facts += [(head, text) for head, text in last.facts if head not in ("error", "held out")]
-    facts.sort(key=lambda fact: fact[0] != "fit")
-    return replace(last, facts=nonempty(facts))
-
-
-def plain_statement(model: ModelComparison) -> str:
-    """A comparison's statement without its p-value."""
-    return without_chance(model.statement)
-
-
-def without_chance(text: str) -> str:
-    """A sentence without its ``(p = 0.53)``."""
-    return _CHANCE.sub("", text)
-
-
-def nonempty(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """The facts that are not empty."""
-    return tuple((head, text) for head, text in facts if text)
 
 
 def pattern_of(model: ModelComparison) -> str:
@@ -199,28 +124,3 @@ def held_out_text(fits: Sequence[FitResult]) -> str:
         return ""
     records = plural(len(fits[0].held_out), "record")
     return f"error/noise on {records} that no fit saw: {', '.join(parts)}"
-
-
-def _most(model: ModelComparison) -> str:
-    """The worst condition, if it is not due to chance."""
-    from rigctl.analysis.decision_levels import ALPHA
-
-    worst = [one for one in model.where if one.by == "condition" and one.p_value < ALPHA][:2]
-    return "; ".join(f"{one.label} ({100 * one.share_of_error:.0f} % of it)" for one in worst)
-
-
-def _wanted(model: ModelComparison) -> str:
-    """The equations that most probably lack a term."""
-    from rigctl.analysis.decision_levels import SLOT_SEPARABLE
-
-    known = [one for one in model.slots if one.log_evidence > SLOT_SEPARABLE]
-    if not known or (model.rows and len(known[0].alike) > 1):
-        return ""
-    near = [one for one in known if one.slot in known[0].alike][:2]
-    return f"a term: {'; or '.join(_place(one) for one in (known[0], *near))}"
-
-
-def _place(slot: SlotEvidence) -> str:
-    """Where a term is missing, in words, and its name where it is one."""
-    meanings = slot.meaning.split("; ")
-    return f"{meanings[0]} ({slot.slot})" if len(meanings) == 1 else ", ".join(meanings)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from rigctl.answers.blocks import Answer, nonempty
+from rigctl.answers.errors import error_text, held_out_text
+from rigctl.answers.improvement import sizes_in
+from rigctl.answers.numbers import plural
+from rigctl.answers.systematic import falls
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned
 from rigctl.model.fit.fit import FitResult
 from rigctl.planning.outline import clock_time
-from rigctl.report.answer import Answer, error_text, held_out_text, nonempty
-from rigctl.report.diagnosis_answer import sizes_in
-from rigctl.report.numbers import plural
-from rigctl.report.systematic import falls
 
 
 def learning_answer(

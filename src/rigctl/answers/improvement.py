@@ -1,0 +1,136 @@
+"""An improved model in words: what was added, how the error changed, and what is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter
+from rigctl.analysis.held_out_group import HeldOutGroup
+from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
+from rigctl.answers.blocks import Answer, Block, Point, Points, Sentence, Tone, nonempty
+from rigctl.answers.comparison import departures
+from rigctl.answers.diagnosis import (
+    alike_text,
+    left_out,
+    sentence_of,
+    size_text,
+    whole_diagnosis,
+    written_laws,
+)
+from rigctl.answers.errors import error_text
+from rigctl.answers.everyday_units import everyday
+from rigctl.answers.evidence import points
+from rigctl.answers.model_errors import error_bars
+from rigctl.answers.systematic import falls, left_of
+from rigctl.model.fit.problem import Problem
+from rigctl.units import parse_unit
+
+
+def improvement_answer(improvement: Improvement) -> Answer:
+    """What was added, how the error changed, and what the current model still lacks."""
+    text = improvement.statement
+    fits = [*([improvement.first.before.fit] if improvement.steps else []), improvement.last.before.fit]
+    lefts = [left_of(one.before) for one in (improvement.first, improvement.last)][-len(fits) :]
+    facts = [
+        *(
+            (f"version {step.version.number}", _added(improvement.steps[number].diagnosis, step.effects))
+            for number, step in enumerate(improvement.steps)
+        ),
+        ("ambiguous", _not_distinguished(improvement.steps)),
+        ("error", error_text(falls(fits, lefts))),
+        *(("no fit saw", one.sentences[0]) for one in improvement.unseen),
+    ]
+    if improvement.ended is not ImprovementEnd.ADEQUATE:
+        facts += [("now", f"{improvement.last.title}: {sentence_of(improvement.last, others_follow=False)}")]
+    tone: Tone = "good" if improvement.ended is ImprovementEnd.ADEQUATE else "warn"
+    last = improvement.last
+    return Answer(
+        tone,
+        "What was added",
+        text[0].upper() + text[1:],
+        nonempty(facts),
+        last.first,
+        remarks=(*departures(last.outside), *written_laws(last.laws)),
+        more=("every step and its reasons", *left_out(last)),
+        headed=False,
+    )
+
+
+def improvement_evidence(improvement: Improvement) -> tuple[Block, ...]:
+    """Every step, how it ended, the whole decrease of the error, and what is left."""
+    steps, text = improvement.steps, improvement.statement
+    errors: list[Block] = []
+    if len(steps) > 1:
+        each = [(f"with {' and '.join(one.effects)}", one.after) for one in steps]
+        errors = error_bars([("before", steps[0].before), *each])
+    return (
+        *(block for step in steps for block in _step(step)),
+        Sentence(text[0].upper() + text[1:], main=True),
+        *errors,
+        *unseen(improvement.unseen),
+        *([Points.of("the model as it is now", [_history(steps[-1])])] if steps else []),
+        *whole_diagnosis(improvement.last),
+    )
+
+
+def _history(step: Step) -> str:
+    return f"rigctl model history {step.version.head} shows every version"
+
+
+def _step(step: Step) -> list[Block]:
+    """One addition: the effects, the evidence for and against them, and the change of the error."""
+    with_it = f"with {' and '.join(step.effects)}"
+    mine = [one for one in step.diagnosis.evidence if one.side and set(one.subject) <= set(step.effects)]
+    return [
+        Sentence(
+            f"added {', '.join(step.effects)}",
+            head=f"Version {step.version.number} of {step.version.head}",
+            main=True,
+        ),
+        Sentence(step.reason),
+        Points("", points(mine)),
+        *error_bars([("before", step.before), (with_it, step.after)]),
+    ]
+
+
+def unseen(groups: Sequence[HeldOutGroup]) -> list[Block]:
+    """How good the model is on the records that were left out, and what it misses there."""
+    said = [
+        Point(text, ("+" if group.as_good else "-") if number == 0 else "")
+        for group in groups
+        for number, text in enumerate(group.sentences)
+    ]
+    return [Points("records that no fit or search has seen", tuple(said))] if said else []
+
+
+def _not_distinguished(steps: Sequence[Step]) -> str:
+    """By which effects the additions could be replaced: the most probable was added."""
+    texts = dict.fromkeys(alike_text(step.diagnosis) for step in steps)
+    return "; ".join(text for text in texts if text)
+
+
+def sizes_in(problem: Problem, added: Sequence[str]) -> str:
+    """The parameters of effects in the model's file, with their consequence on a bench.
+
+    A fit of other records, or with a new estimate of the noise, would differ slightly: one value is stated.
+    """
+    parts = []
+    for name in added:
+        effect = problem.model.effect(name)
+        for key, one in problem.model.effects[name].items():
+            if not one.fit:
+                continue
+            unit = parse_unit(one.unit or effect.parameter(key).unit)
+            value = FoundParameter(one.si / unit.factor, unit.text, (one.std or math.nan) / unit.factor)
+            plain = everyday(effect, key, value, problem)
+            of = f"{name} " if len(added) > 1 else ""
+            parts.append(f"{of}{key} {value}" + (f", {plain}" if plain else ""))
+    return "; ".join(parts)
+
+
+def _added(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
+    """An addition with its size."""
+    named = {one.effect: one for one in diagnosis.ranking if one.effect in diagnosis.best.effects}
+    parts = [f"{name} ({size_text(diagnosis, named[name])})" if name in named else name for name in effects]
+    return " and ".join(parts)

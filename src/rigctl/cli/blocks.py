@@ -1,0 +1,125 @@
+"""How the blocks of an answer are printed on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rich.markup import escape
+
+from rigctl.answers.blocks import (
+    Answer,
+    Bars,
+    Block,
+    Column,
+    Details,
+    Next,
+    Note,
+    Points,
+    Sentence,
+    Table,
+)
+from rigctl.cli.next_command import show_next
+from rigctl.cli.tables import console, table
+from rigctl.cli.terminal_bars import draw_bar
+
+_COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "bright_black", None: ""}
+_MARKS = {"+": "[green]+[/] ", "-": "[red]-[/] ", "!": "[yellow]![/] ", "": ""}
+#: characters of the heading of a fact, and of a full bar in a table and by itself
+_WIDTH, _BAR, _LONG_BAR = 11, 16, 40
+
+
+def show_answer(answer: Answer) -> None:
+    """Print the verdict with a line for each fact, and what ``-v`` would add."""
+    for sentence in answer.first:
+        show([Sentence(sentence, "warn", main=True)])
+    head = answer.title if answer.headed else ""
+    show([Sentence(answer.sentence, answer.tone, head, main=True)])
+    for name, text in answer.facts:
+        _print(f"  [dim]{escape(name):<{_WIDTH}}[/] {escape(text)}")
+    if answer.more:
+        _print(f"  [dim]{'-v shows':<{_WIDTH}} {escape(', '.join(answer.more))}[/]")
+    show(answer.remarks)
+
+
+def show(blocks: Iterable[Block]) -> None:
+    """Print the blocks one below another; a terminal draws no plots."""
+    for block in blocks:
+        if isinstance(block, Details):
+            show(block.blocks)
+        elif isinstance(block, Next):
+            show_next(block.command, block.why)
+        elif isinstance(block, Note):
+            _print(f"  [dim]{escape(block.text)}[/]")
+        elif isinstance(block, Sentence):
+            _show_sentence(block)
+        elif isinstance(block, Points):
+            _show_points(block)
+        elif isinstance(block, Table):
+            _show_table(block)
+        elif isinstance(block, Bars):
+            _show_bars(block)
+
+
+def _print(line: str) -> None:
+    console().print(line, soft_wrap=True)
+
+
+def _show_sentence(one: Sentence) -> None:
+    colour = _COLOURS[one.tone]
+    bold = f"bold {colour}".strip() if one.main else colour
+    indent = "" if one.main else "  "
+    text = escape(one.text)
+    if one.head:
+        _print(f"{indent}{_styled(escape(one.head), bold or 'bold')}: {text}.")
+    else:
+        _print(f"{indent}{_styled(f'{text}.', bold)}")
+
+
+def _styled(text: str, style: str) -> str:
+    return f"[{style}]{text}[/]" if style else text
+
+
+def _show_points(block: Points) -> None:
+    if block.title and block.points and block.titled:
+        _print(f"  [bold]{escape(block.title)}[/]")
+    for point in block.points:
+        _print(f"  {_MARKS[point.mark]}{escape(point.text)}")
+
+
+def _show_bars(block: Bars) -> None:
+    """The notes beside bars are left out: lines would be too long."""
+    _print(f"  [bold]{escape(block.title)}[/]")
+    width = max((len(bar.label) for bar in block.bars), default=0)
+    for bar in block.bars:
+        drawn = draw_bar(bar.share, 1.0, width=_LONG_BAR)
+        _print(f"  {escape(bar.label):<{width}}  [cyan]{drawn}[/] {escape(bar.text)}")
+
+
+def _show_table(block: Table) -> None:
+    """A bar has a column of its own before that of its text."""
+    if block.caption:
+        _print(f"  [bold]{escape(block.caption)}[/]")
+    grid = table()
+    for number, column in enumerate(block.columns):
+        grid.add_column(escape(column.heading), overflow="fold")
+        if column.full:
+            grid.add_column("", overflow="fold")
+        if number and not column.words:
+            grid.columns[-1].justify = "right"
+    for number, row in enumerate(block.rows):
+        if block.heads(row):
+            grid.add_row(f"[dim]{escape(block.columns[0].text(row))}[/]")
+            continue
+        first, *rest = (cell for column in block.columns for cell in _cells(column, row))
+        grid.add_row(f"[bold]{first}[/]" if number in block.strong else first, *rest)
+    console().print(grid)
+
+
+def _cells(column: Column, row: Mapping[str, Any]) -> list[str]:
+    text = escape(column.text(row))
+    if column.marked(row):
+        text = f"[bold red]{text}[/]"
+    if not column.full:
+        return [text]
+    return [f"[cyan]{draw_bar(row.get(column.key) or 0.0, column.full, width=_BAR)}[/]", text]
