@@ -17,6 +17,7 @@ from rigctl.web import by_hand
 from rigctl.web.by_hand import ByHand
 from rigctl.web.jobs import Jobs
 from rigctl.web.lease import Lease
+from rigctl.web.live import Live
 from rigctl.web.request_handling import PageRequest
 from rigctl.web.server_state import Site
 from web.serving import Window
@@ -165,6 +166,24 @@ def test_a_real_bench_is_opened_by_its_name(bench: Bench, monkeypatch: pytest.Mo
             bench.ask(bench.hand.open_controls, rig=typed)
     bench.watched()
     assert bench.ask(bench.hand.open_controls, rig="HL32 bench") == {"open": True}
+
+
+def test_the_only_rig_of_a_project_is_its_bench(project: Path, tmp_path: Path) -> None:
+    """A project of `rigctl init --minimal` names none, and 'Everything off' asked which is meant."""
+    create_project(tmp_path / "lab", minimal=True)
+    (tmp_path / "lab" / "rigs" / "line-device.yaml").unlink()
+    rig = (project / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
+    for number in range(2):
+        (tmp_path / "lab" / "rigs" / f"bench-{number}.yaml").write_text(rig, encoding="utf-8")
+        live = Live(Site(find_project(tmp_path / "lab"), Jobs(tmp_path)))
+        asked = PageRequest({}, {}, {}, "a")
+        if number:
+            with pytest.raises(RigctlError, match="which bench is meant"):
+                live.off(asked)
+            assert live.by_hand.state(asked)["rig"] is None
+        else:
+            assert live.off(asked)["rig"] == "HL32 bench"
+            assert live.by_hand.state(asked)["rig"] == "HL32 bench"
 
 
 def test_a_movement_whose_program_was_killed_is_said_to_be_unsafe(bench: Bench) -> None:

@@ -104,7 +104,7 @@ class ByHand:
     def state(self, request: PageRequest) -> dict[str, Any]:
         """The bench, and what has been read since the time ``after``, s."""
         try:
-            rig = self._rig()
+            rig = self.rig()
         except RigctlError as problem:
             return {"rig": None, "why": str(problem)}
         try:
@@ -135,7 +135,7 @@ class ByHand:
 
     def watch(self, request: PageRequest) -> dict[str, Any]:
         """Begin to read the bench; its outputs are in their safe state."""
-        self._rig()
+        self.rig()
         with self._lock:
             self._lease.take(request.viewer, over=False)
             if self._command is not None:
@@ -156,7 +156,7 @@ class ByHand:
 
     def open_controls(self, request: PageRequest) -> dict[str, Any]:
         """Allow this window to move outputs: on a real bench only for its name, typed."""
-        rig = self._rig()
+        rig = self.rig()
         if _is_real(rig) and request.text("rig", "").strip() != rig.name:
             raise RigctlError(
                 "the controls of a real bench are opened by its name", expected=f"'{rig.name}', as it stands"
@@ -170,7 +170,7 @@ class ByHand:
 
     def move(self, request: PageRequest) -> dict[str, Any]:
         """Move one output for a time; then all outputs are safe again."""
-        rig = self._rig()
+        rig = self.rig()
         name, value, duration = _movement(rig, request)
         with self._lock:
             self._lease.take(request.viewer, over=False)
@@ -219,8 +219,8 @@ class ByHand:
             except subprocess.TimeoutExpired:
                 return  # it has no reader from now on, and ends by itself
 
-    def _rig(self) -> Rig:
-        """The project's bench.
+    def rig(self) -> Rig:
+        """The project's bench: the one that it names, or its only one.
 
         Raises
         ------
@@ -240,7 +240,9 @@ class ByHand:
         paths = sorted((self._site.project.root / "rigs").glob("*.yaml"))
         if len(paths) != 1:
             raise RigctlError(
-                "which bench is meant is not known", hint='rig = "rigs/NAME.yaml" in rigctl.toml says it'
+                "which bench is meant is not known",
+                hint='rig = "rigs/NAME.yaml" in rigctl.toml says it',
+                exit_code=ExitCode.FAILED,
             )
         return ("--rig", f"rigs/{paths[0].name}")
 

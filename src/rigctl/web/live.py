@@ -15,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from rigctl.errors import ExitCode, RigctlError
+from rigctl.errors import RigctlError
 from rigctl.files.write import to_json
 from rigctl.json_values import parse_json
 from rigctl.web.by_hand import ByHand
@@ -222,14 +222,8 @@ class Live:
 
             description = read_info(self._folder(request.text("run")))["rig"]
             path = Path(str(description.get("path") or ""))
-        elif self._site.project.rig is not None:
-            path = self._site.project.rig
         else:
-            raise RigctlError(
-                "which bench is meant is not known",
-                hint='rig = "rigs/NAME.yaml" in rigctl.toml says it',
-                exit_code=ExitCode.FAILED,
-            )
+            return self.by_hand.rig()
         return load_rig(path)
 
 

@@ -83,18 +83,22 @@ def _rig(path: Path) -> dict[str, Any]:
 
     from rigctl.cli.options.family import check_family_of
     from rigctl.rig import load_rig
+    from rigctl.runner.bench_access import UNREAL
 
     rig = load_rig(path)
     check_family_of(rig)
+    kind = rig.backend.kind if "kind" in rig.backend.model_fields_set else None
+    measures = kind is not None and kind not in UNREAL
+    verb = "doctor" if measures else "import FILE"  # of a device, whether it answers
     return {
         "name": rig.name,
         "channels": {name: channel.unit for name, channel in rig.channels.items()},
         "actuators": {name: actuator.display_unit for name, actuator in rig.actuators.items()},
         "limits": list(rig.limits),
         "family": rig.model,
-        "backend": rig.backend.kind if "kind" in rig.backend.model_fields_set else None,
+        "backend": kind,
         "warnings": rig.warnings(datetime.now(UTC).date()),
-        "next": f"rigctl import FILE --rig {path.as_posix()}",
+        "next": f"rigctl {verb} --rig {path.as_posix()}",
     }
 
 

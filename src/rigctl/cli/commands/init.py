@@ -59,6 +59,7 @@ _MINIMAL_README = """\
     rigctl family new my_bench --csv log.csv       # a family, rig and model file drafted from your data
     rigctl family new other --template motor       # or from a template, without data
     rigctl check rigs/line-device.yaml             # an example: a device that exchanges lines of text
+    rigctl doctor --rig rigs/line-device.yaml --port PORT    # does it answer? then 'monitor', 'jog'
     rigctl check rigs/my_bench.yaml                # what the file describes, and any mistakes in it
     rigctl import log.csv --rig rigs/my_bench.yaml
     rigctl compare latest --model models/my_bench.yaml
