@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import IntEnum
@@ -171,6 +171,13 @@ def unknown_name(kind: str, name: str, valid: Iterable[str], *, where: Location 
         nearest=near,
         where=where,
     )
+
+
+def require_known(kind: str, names: Iterable[str], valid: Collection[str]) -> None:
+    """Refuse the first of `names` that is not one of `valid`, as `unknown_name` words it."""
+    for name in names:
+        if name not in valid:
+            raise unknown_name(kind, name, valid)
 
 
 def shorten(text: str, width: int = 60) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.dataset.importing.assume import assumed_values
+from rigctl.dataset.assumptions import assumed_values
 from rigctl.dataset.run import Run
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped

@@ -154,7 +154,7 @@ def _run(result: RunResult) -> Run | None:
 
 def _stuck(run: Run | None) -> list[str]:
     """What the run's own data say of its sensors; nothing for a run without readable samples."""
-    from rigctl.dataset.stuck_channels import stuck_channels
+    from rigctl.dataset.standstill import stuck_channels
 
     if run is None:
         return []

@@ -21,7 +21,7 @@ from rigctl.dataset.record_rows import RecordRows
 from rigctl.dataset.records_file import EVENTS
 from rigctl.dataset.table_columns import event_data, open_table
 from rigctl.dataset.writer_lock import in_progress
-from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
+from rigctl.errors import ExitCode, Location, RigctlError, require_known, unknown_name
 from rigctl.json_values import parse_json
 from rigctl.notebook import one_line
 from rigctl.units import parse_unit
@@ -292,9 +292,7 @@ class Run:
         return {record: tuple(switches) for record, switches in by_record.items()}
 
     def _read(self, columns: Sequence[str], record: int | None) -> pa.Table:
-        for name in columns:
-            if name not in self.layout.columns:
-                raise unknown_name("column", name, self.layout.columns)
+        require_known("column", columns, self.layout.columns)
         with self._open_samples(columns) as file:
             if record is None:
                 return file.read(columns=list(columns))

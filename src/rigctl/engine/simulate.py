@@ -20,7 +20,7 @@ from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.threads import in_threads
 from rigctl.engine.tolerance import DEFAULT, Tolerance
 from rigctl.engine.trajectories import Statistics, Trajectories
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import RigctlError, require_known
 
 
 def simulate(
@@ -199,9 +199,7 @@ def delayed_inputs(compiled: CompiledSystem) -> Integers:
 
 
 def _indices(kind: str, names: Sequence[str], known: Sequence[str]) -> Integers:
-    for name in names:
-        if name not in known:
-            raise unknown_name(f"{kind} to differentiate by", name, known)
+    require_known(f"{kind} to differentiate by", names, known)
     if len(set(names)) != len(names):
         repeated = [name for name in dict.fromkeys(names) if list(names).count(name) > 1]
         raise RigctlError(f"a {kind} is to be differentiated by twice", value=repeated[0])

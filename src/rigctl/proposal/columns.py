@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rigctl.dataset.importing.options import Options, TimePolicy
 from rigctl.dataset.importing.table import Heading, Source
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import RigctlError, require_known, unknown_name
 from rigctl.physics.formulas import reserved_names
 from rigctl.units import Unit, find_unit, interval_unit, parse_unit
 
@@ -293,9 +293,7 @@ def rises_evenly(values: Floats) -> bool:
 
 def _check_units(units: Mapping[str, str], headings: Iterable[_Heading]) -> None:
     known = {name for heading in headings for name in (heading.name, _plain_name(heading.plain))}
-    for name in units:
-        if name not in known:
-            raise unknown_name("--unit: column", name, known)
+    require_known("--unit: column", units, known)
 
 
 def _codes(records: Sequence[str] | None, rows: int) -> NDArray[np.int64]:

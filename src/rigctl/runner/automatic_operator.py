@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from rigctl.errors import Location, RigctlError, unknown_name
+from rigctl.errors import Location, RigctlError, require_known
 from rigctl.plan import Plan
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.plan.tree import Leaf, all_nodes
@@ -95,9 +95,7 @@ def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:
                     error.what = f"the answer to '{question.name}' does not fit: {error.what}"
                 raise error.at(where) from None
             answered.add(question.name)
-    for name in answers:
-        if name not in answered:
-            raise unknown_name("question of the procedure", name, sorted(answered))
+    require_known("question of the procedure", answers, answered)
     return operator
 
 

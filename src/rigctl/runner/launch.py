@@ -20,7 +20,7 @@ from rigctl.dataset import (
 )
 from rigctl.dataset.disk_thread import BackgroundWriter
 from rigctl.dataset.storage.sending import upload_if_wanted
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import RigctlError, require_known
 from rigctl.plan import Plan
 from rigctl.plan.identity import NAMES, settled
 from rigctl.planning.rates import refuse_rates
@@ -131,9 +131,7 @@ def _require_identity(plan: Plan, how: Launch) -> None:
 
 def _identity(how: Launch) -> dict[str, str | None]:
     """The given identity of device, part and operator."""
-    for name in how.device:
-        if name not in NAMES:
-            raise unknown_name("fact of the device under test", name, NAMES)
+    require_known("fact of the device under test", how.device, NAMES)
     return {**how.device, "operator": how.person or None}
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import RigctlError, require_known
 
 #: most undo steps
 _REMEMBERED = 200
@@ -44,9 +44,7 @@ class State:
         RigctlError
             there is no such slider.
         """
-        for name in values:
-            if name not in self.values:
-                raise unknown_name("slider", name, self.values)
+        require_known("slider", values, self.values)
         return replace(self, values={**self.values, **values})
 
     def switched(self, effects: Iterable[str], *, on: bool) -> State:

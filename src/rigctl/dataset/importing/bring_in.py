@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from rigctl.argument_types import checks_argument_types
+from rigctl.dataset.assumptions import assumed_values
 from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_versions, source_of_rig
-from rigctl.dataset.importing.assume import assumed_values
 from rigctl.dataset.importing.campaign import Campaign, open_files
 from rigctl.dataset.importing.columns import assign, read_mapping
 from rigctl.dataset.importing.first_pass import Survey

@@ -1,4 +1,4 @@
-"""Checks across the fields of a register map: names exist, written registers are writable."""
+"""Checks across the fields of a register map or of an OPC UA server's nodes: names exist, numbers fit."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from rigctl.rig.actuator import Actuator
 from rigctl.rig.channel import Channel
 from rigctl.rig.client_lines import client_problems
 from rigctl.rig.modbus import BITS, WRITABLE, Modbus, Register, WrittenRegister
+from rigctl.rig.opcua import Node, OpcUa
 from rigctl.rig.problem import Problem
 from rigctl.rig.setting import POSITIONS, Setting
 from rigctl.units import parse_unit
@@ -19,7 +20,8 @@ _INTEGERS: Mapping[str, tuple[int, int]] = {
     **{f"int{bits}": (-(1 << bits - 1), (1 << bits - 1) - 1) for bits in (16, 32, 64)},
     **{f"uint{bits}": (0, (1 << bits) - 1) for bits in (16, 32, 64)},
 }
-_AT = ("backend", "modbus")
+_MODBUS = ("backend", "modbus")
+_OPCUA = ("backend", "opcua")
 
 
 def register_problems(
@@ -30,20 +32,20 @@ def register_problems(
 ) -> Iterator[Problem]:
     """Yield all inconsistencies between a register map and the rest of the rig file."""
     written = {name: part.values for name, part in modbus.actuators.items()}
-    yield from client_problems(channels, actuators, _AT, modbus.channels, written)
+    yield from client_problems(channels, actuators, _MODBUS, modbus.channels, written)
     for name, register in modbus.channels.items():
-        yield from _register(register, (*_AT, "channels", name))
+        yield from _register(register, (*_MODBUS, "channels", name))
     for name, part in modbus.actuators.items():
-        keys = (*_AT, "actuators", name)
+        keys = (*_MODBUS, "actuators", name)
         yield from _written(part, keys)
         if name in actuators and part.scale != 0.0:
             yield from _fits(name, actuators[name], part, safe_state.get(name))
         if isinstance(part.readback, Register):
             yield from _register(part.readback, (*keys, "readback"))
     if modbus.identify is not None:
-        yield from _register(modbus.identify, (*_AT, "identify"))
+        yield from _register(modbus.identify, (*_MODBUS, "identify"))
     if modbus.heartbeat is not None:
-        yield from _written(modbus.heartbeat, (*_AT, "heartbeat"))
+        yield from _written(modbus.heartbeat, (*_MODBUS, "heartbeat"))
 
 
 def _written(register: Register, keys: tuple[str, ...]) -> Iterator[Problem]:
@@ -66,7 +68,7 @@ def _fits(name: str, actuator: Actuator, part: WrittenRegister, safe: Setting | 
     numbers: list[tuple[tuple[str, ...], float, str]]
     positions = POSITIONS.get(actuator.kind)
     if positions is not None:
-        place = (*_AT, "actuators", name, "values")
+        place = (*_MODBUS, "actuators", name, "values")
         numbers = [(place, number, f"{number:g}") for number in (part.values or positions).values()]
     else:
         ends_of = (("low", actuator.low), ("high", actuator.high))
@@ -101,3 +103,29 @@ def _register(register: Register, keys: tuple[str, ...]) -> Iterator[Problem]:
         yield Problem((*keys, "scale"), RigctlError("scale: all numbers would be the same", value="0"))
     if register.end > 1 << 16:
         yield Problem((*keys, "address"), RigctlError("address: the number ends behind the last register"))
+
+
+def node_problems(
+    server: OpcUa, channels: dict[str, Channel], actuators: dict[str, Actuator]
+) -> Iterator[Problem]:
+    """Yield all inconsistencies between the nodes and the rest of the rig file."""
+    written = {name: part.values for name, part in server.actuators.items()}
+    yield from client_problems(channels, actuators, _OPCUA, server.channels, written)
+    for name, channel in server.channels.items():
+        keys = (*_OPCUA, "channels", name)
+        yield from _node(channel, keys)
+        if channel.read == "age" and name in channels and channels[name].quantity != "time":
+            error = RigctlError(
+                "read: an age is a time", value=channels[name].quantity, expected="quantity: time"
+            )
+            yield Problem((*keys, "read"), error)
+    for name, part in server.actuators.items():
+        keys = (*_OPCUA, "actuators", name)
+        yield from _node(part, keys)
+        if isinstance(part.readback, Node):
+            yield from _node(part.readback, (*keys, "readback"))
+
+
+def _node(node: Node, keys: tuple[str, ...]) -> Iterator[Problem]:
+    if node.scale == 0.0:
+        yield Problem((*keys, "scale"), RigctlError("scale: all numbers would be the same", value="0"))
