@@ -14,7 +14,7 @@ import pytest
 
 from rigctl.backends.transport import safe_state_retries
 from rigctl.backends.transport.address import Address
-from rigctl.backends.transport.guard import Orders
+from rigctl.backends.transport.guard import GuardSettings
 from rigctl.backends.transport.port import Port, PortLost
 from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.backends.transport.safe_state_retries import Notice, SafeStateRetries, retrying_guards, take_over
@@ -48,7 +48,7 @@ class Line:
         return MemoryPort(self.sketch, self.clock)
 
     def retry_until_safe(self) -> bool:
-        orders = Orders(ADDRESS, SAFE, 2.0)
+        orders = GuardSettings(ADDRESS, SAFE, 2.0)
         return SafeStateRetries(orders, self.clock, self.open, lambda: False).carry_out(None)
 
 
@@ -91,7 +91,7 @@ def test_a_device_exchanged_after_its_commands_is_not_taken_for_safe(folder: Pat
         return b"TCLab Firmware 2.0\r\n" if b"VER" in data and asked == 2 else take(data)
 
     line.sketch.take = taking  # type: ignore[method-assign]
-    orders = Orders(ADDRESS, SAFE, 2.0, identify=identify, identity={"firmware": "1.4.0 Arduino Uno"})
+    orders = GuardSettings(ADDRESS, SAFE, 2.0, identify=identify, identity={"firmware": "1.4.0 Arduino Uno"})
     assert SafeStateRetries(orders, line.clock, opened, lambda: False).carry_out(None)
     assert line.attempts == -2, "the port was opened again"
     assert (asked, line.sketch.received.count("X")) == (4, 2)
@@ -107,7 +107,7 @@ def test_a_guard_waits_for_an_answer_as_long_as_its_orders_say(folder: Path) -> 
         port.delay = 0.8
         return port
 
-    orders = Orders.from_json(Orders(ADDRESS, SAFE, 2.0, timeout=1.0).to_json())
+    orders = GuardSettings.from_json(GuardSettings(ADDRESS, SAFE, 2.0, timeout=1.0).to_json())
     assert SafeStateRetries(orders, line.clock, slow, lambda: False).carry_out(None)
     assert line.sketch.received == ["Q1 60", "X", "Q1 0.00"], "at the first attempt"
 

@@ -17,8 +17,8 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.learning import learn, predicted_and_achieved
 from rigctl.learning.ending import LearningEnd
-from rigctl.learning.keep import Kept, Task
 from rigctl.learning.learn import Learner
+from rigctl.learning.learning_folder import LearningFolder, Task
 from rigctl.plan import Plan
 from rigctl.runner.session import RunResult
 
@@ -128,7 +128,7 @@ class Stand:
 
     learner: Learner
     bench: MadeBench
-    kept: Kept
+    kept: LearningFolder
 
 
 @pytest.fixture
@@ -174,7 +174,7 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(learn.Learner, "_open_runs", lambda _: [])
         whole = Task("campaign.yaml", str(own_copy(tmp_path)), 1, **task)
         bench = MadeBench(tmp_path, status)
-        kept = Kept.create(tmp_path, whole, "campaign")
+        kept = LearningFolder.create(tmp_path, whole, "campaign")
         return Stand(Learner(kept, bench, tmp_path, lambda *_: asked.pop(0)), bench, kept)
 
     return made
@@ -228,7 +228,9 @@ def test_every_end_of_learning_states_its_reason(
     assert learned.ended is ended
     assert learned.statement
     assert (learned.exit_code is ExitCode.FAILED) is (ended is LearningEnd.STOPPED)
-    assert (Kept.find(here.kept.folder.parents[1]).learned is None) is (ended is LearningEnd.STOPPED)
+    assert (LearningFolder.find(here.kept.folder.parents[1]).learned is None) is (
+        ended is LearningEnd.STOPPED
+    )
 
 
 def test_an_effect_that_fails_cross_validation_gets_one_more_round(stand: Any) -> None:
@@ -335,18 +337,18 @@ def test_an_interruption_after_any_write_costs_no_run(
 ) -> None:
     """The process may end after each write to disk."""
     here = stand([UNSURE, UNSURE, SURE])
-    written, times = Kept.write, iter(range(1, 99))
+    written, times = LearningFolder.write, iter(range(1, 99))
 
-    def write(kept: Kept) -> None:
+    def write(kept: LearningFolder) -> None:
         written(kept)
         if next(times) == moment:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(Kept, "write", write)
+    monkeypatch.setattr(LearningFolder, "write", write)
     with pytest.raises(KeyboardInterrupt):
         here.learner.learn()
-    monkeypatch.setattr(Kept, "write", written)
-    again = Kept.find(here.kept.folder.parents[1])
+    monkeypatch.setattr(LearningFolder, "write", written)
+    again = LearningFolder.find(here.kept.folder.parents[1])
     learned = Learner(again, here.bench, here.bench.runs, lambda *_: True).learn()
     assert learned.ended is LearningEnd.ADEQUATE
     assert [one.number for one in learned.rounds] == [1, 2, 3]

@@ -25,7 +25,7 @@ from rigctl.analysis.parameter_bounds import (
 from rigctl.effects.declaration import qualified
 from rigctl.engine.least_squares import Refused, Unknown, started
 from rigctl.errors import RigctlError
-from rigctl.model.fit.approach import brought_back
+from rigctl.model.fit.approach import reset_to_priors
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem
@@ -206,11 +206,11 @@ class _WarmStart:
         """
         start = np.array([one.start for one in self.problem.shared])
         records_far = self._records_back(self.known.local) is not None
-        if brought_back(self.problem.shared, start) is None and not records_far:
+        if reset_to_priors(self.problem.shared, start) is None and not records_far:
             return self._fit(self.problem.shared, self.known.local, held_out, cost, rival)
         better = self._fit(self.problem.shared, self.known.local, held_out, COARSE, rival)
         if chi2_of(better) < min(chi2_of(self.known) - NEAR, _BEHIND * 2.0 * rival):
-            back = brought_back(better.problem.shared, better.values)
+            back = reset_to_priors(better.problem.shared, better.values)
             if back is not None:
                 better = self._lower(better, back, better.local, held_out)
             local = self._records_back(better.local)
@@ -233,7 +233,7 @@ class _WarmStart:
         """`local` with the priors' means; None if no unknown of a record is far from its prior in the fit
         without the effects."""
         unknowns = self.problem.local_unknowns()
-        if all(brought_back(*pair) is None for pair in zip(unknowns, self.known.local, strict=True)):
+        if all(reset_to_priors(*pair) is None for pair in zip(unknowns, self.known.local, strict=True)):
             return None
         return [
             np.array(

@@ -11,7 +11,7 @@ import numpy as np
 from rigctl.compensation.levers import Lever
 from rigctl.compensation.measured import TakenMeasure
 from rigctl.compensation.prediction import Predictor
-from rigctl.compensation.result import Row, Schedule
+from rigctl.compensation.result import CompensationRow, Schedule
 from rigctl.dataset.run import Run
 from rigctl.design.rig_file import rig_reference
 from rigctl.errors import RigctlError
@@ -102,7 +102,7 @@ def procedure_text(
     return "\n".join(lines) + "\n"
 
 
-def _chosen(rows: Sequence[Row]) -> list[Row]:
+def _chosen(rows: Sequence[CompensationRow]) -> list[CompensationRow]:
     """Some of the rows, including the first and the last."""
     at = np.unique(np.linspace(0, len(rows) - 1, min(_POINTS, len(rows))).round().astype(int))
     return [rows[int(k)] for k in at]

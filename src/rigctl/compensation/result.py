@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Row:
+class CompensationRow:
     """What to set at one operating point, SI.
 
     Attributes
@@ -65,7 +65,7 @@ class Schedule:
     vary_unit: str
     over: str
     over_unit: str
-    rows: tuple[Row, ...]
+    rows: tuple[CompensationRow, ...]
     fixed: float
     off: float
     valid: tuple[tuple[str, float, float, str], ...]
@@ -76,7 +76,7 @@ class Schedule:
     procedure: str = field(default="", repr=False)
 
     @property
-    def reached(self) -> tuple[Row, ...]:
+    def reached(self) -> tuple[CompensationRow, ...]:
         """The rows that the rig can set."""
         return tuple(row for row in self.rows if row.reached)
 

@@ -22,7 +22,7 @@ from rigctl.compensation.check_text import procedure_text
 from rigctl.compensation.levers import Lever, lever, levers_of, require_levers
 from rigctl.compensation.measured import TakenMeasure, Target, find_measure, require_measure
 from rigctl.compensation.prediction import Predictor
-from rigctl.compensation.result import Row, Schedule
+from rigctl.compensation.result import CompensationRow, Schedule
 from rigctl.dataset.run import Run
 from rigctl.design.scheme import stage_of
 from rigctl.errors import RigctlError
@@ -174,7 +174,7 @@ def _range(one: Lever, fit: FitResult) -> tuple[float, float]:
 class _Solved:
     """The rows, and `reach` (rows, 2), the quantity at the lowest and at the highest set-point."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[CompensationRow, ...]
     fixed: float
     off: float
     reach: Floats = field(repr=False)
@@ -234,7 +234,7 @@ def _roots(predictor: Predictor, at: Floats, grid: Floats, excess: Floats, targe
     return roots
 
 
-def _rows(predictor: Predictor, at: Floats, set_points: Floats, fixed: float) -> list[Row]:
+def _rows(predictor: Predictor, at: Floats, set_points: Floats, fixed: float) -> list[CompensationRow]:
     width = 1e-3 * (predictor.vary.high - predictor.vary.low)
     reached = [k for k, u in enumerate(set_points) if math.isfinite(u)]
     operating_points = [(float(at[k]), float(set_points[k])) for k in reached]
@@ -246,11 +246,13 @@ def _rows(predictor: Predictor, at: Floats, set_points: Floats, fixed: float) ->
     rows = []
     for k, x in enumerate(at.tolist()):
         if k not in by_row:
-            rows.append(Row(x, math.nan, math.nan, math.nan, math.nan, float(unchanged[k])))
+            rows.append(CompensationRow(x, math.nan, math.nan, math.nan, math.nan, float(unchanged[k])))
             continue
         point, slope = by_row[k]
         std = point.common / abs(slope) if slope else math.inf
-        rows.append(Row(x, float(set_points[k]), std, point.value, point.scatter, float(unchanged[k])))
+        rows.append(
+            CompensationRow(x, float(set_points[k]), std, point.value, point.scatter, float(unchanged[k]))
+        )
     return rows
 
 

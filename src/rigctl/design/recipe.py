@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from rigctl.design.virtual_records import Course
+from rigctl.design.virtual_records import PlannedRecord
 from rigctl.model.inputs import InputSource, input_values
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
@@ -102,7 +102,7 @@ class Stage:
     standing: Mapping[str, float]
     readings: Mapping[str, float]
 
-    def course(self, recipe: Recipe, label: str = "designed") -> Course:
+    def course(self, recipe: Recipe, label: str = "designed") -> PlannedRecord:
         """The inputs of a recipe's record, and the first readings of the channels."""
         commands = self.commands_before(recipe)
         times, rows = [0.0], [self.inputs(commands)]
@@ -117,14 +117,14 @@ class Stage:
                 rows[0] = row
             clock += step.seconds
             commands = commands | self._after(step)
-        return Course(np.array(times), np.array(rows), clock, recipe.rate, self.first(recipe), label)
+        return PlannedRecord(np.array(times), np.array(rows), clock, recipe.rate, self.first(recipe), label)
 
-    def standing_course(self, recipe: Recipe, readings: Mapping[str, float] | None = None) -> Course:
+    def standing_course(self, recipe: Recipe, readings: Mapping[str, float] | None = None) -> PlannedRecord:
         """The inputs before the record, while the levels hold, starting at these readings or those so far."""
         row = self.inputs(self.commands_before(recipe))
         start = self.readings if readings is None else readings
         rate = min(recipe.rate, _LOOKS / recipe.rest)
-        return Course(np.zeros(1), np.array([row]), recipe.rest, rate, dict(start), "rest")
+        return PlannedRecord(np.zeros(1), np.array([row]), recipe.rest, rate, dict(start), "rest")
 
     def first(self, recipe: Recipe) -> dict[str, float]:
         """The first readings of the channels: the value set, else that in the data so far."""

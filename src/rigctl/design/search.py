@@ -24,7 +24,7 @@ from rigctl.design.refitted_gain import sent
 from rigctl.design.rig_time import RigTime
 from rigctl.design.rivals import Rival
 from rigctl.design.scheme import Scheme
-from rigctl.design.virtual_records import Course, Scene, predict
+from rigctl.design.virtual_records import PlannedRecord, Scene, predict
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.measured.record import MeasuredRecord
@@ -157,10 +157,10 @@ class Workshop:
 
     def _courses(
         self, recipes: Sequence[Recipe], readings: Mapping[str, float] | None = None
-    ) -> list[Course | None]:
+    ) -> list[PlannedRecord | None]:
         """The inputs of the records, each starting where the preceding levels leave the bench; None if that
         comes near a limit."""
-        courses: list[Course | None] = [self.stage.course(one) for one in recipes]
+        courses: list[PlannedRecord | None] = [self.stage.course(one) for one in recipes]
         resting = [k for k, one in enumerate(recipes) if one.rest > 0.0]
         if not resting:
             return courses

@@ -24,7 +24,7 @@ _VAGUE = 100.0
 
 
 @dataclass(frozen=True)
-class Course:
+class PlannedRecord:
     """The commands of a record, and the bench's state at its start; all SI.
 
     Attributes

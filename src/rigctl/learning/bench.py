@@ -10,7 +10,7 @@ from typing import Protocol
 
 from rigctl.dataset import list_runs
 from rigctl.errors import RigctlError
-from rigctl.learning.keep import STAMP
+from rigctl.learning.learning_folder import STAMP
 from rigctl.plan import Plan
 from rigctl.planning import preview
 from rigctl.procedure import expand, load_procedure

@@ -21,7 +21,7 @@ from rigctl.discovery.gate import gate_of
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.bench import Bench, seconds_of
 from rigctl.learning.ending import LearningEnd
-from rigctl.learning.keep import Kept
+from rigctl.learning.learning_folder import LearningFolder
 from rigctl.learning.predicted_and_achieved import prediction_of, round_outcome
 from rigctl.learning.result import Learned, Round, RoundOutcome
 from rigctl.model import current_version, load_model, versions
@@ -53,7 +53,7 @@ class Learner:
     worth: least predicted probability for a round to be proposed.
     """
 
-    kept: Kept
+    kept: LearningFolder
     bench: Bench
     runs: Path
     ask: Ask

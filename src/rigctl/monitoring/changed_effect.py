@@ -25,7 +25,7 @@ from rigctl.errors import RigctlError
 from rigctl.model.value_table import stated_values
 from rigctl.monitoring.entries import Entry
 from rigctl.monitoring.evaluation import Plan, Reading, problem_of
-from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity, Tested, change_of, judge
+from rigctl.monitoring.multiplicity import Change, Judged, Quantity, QuantitySeries, Tested, change_of, judge
 
 #: least number of readings in a diagnosis; runs with fewer, such as rows of a table, are combined
 _SAMPLES: Final = 60
@@ -49,7 +49,7 @@ class Named:
     changes: tuple[Change, ...]
     verdict: str = ""
     remarks: tuple[str, ...] = ()
-    courses: tuple[Course, ...] = ()
+    courses: tuple[QuantitySeries, ...] = ()
 
 
 def name_changes(

@@ -55,7 +55,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Course:
+class QuantitySeries:
     """The values of one quantity, by run; NaN if a run does not determine it."""
 
     quantity: Quantity
@@ -80,7 +80,7 @@ class Tested:
     apart: indices of runs that are outliers among their neighbours.
     """
 
-    course: Course
+    course: QuantitySeries
     found: Scan | None
     p_value: float | None
     between: float | None
@@ -118,7 +118,7 @@ class Change:
     steps: tuple[int, ...]
     levels: tuple[float, ...]
     first_sure: int
-    course: Course = field(repr=False)
+    course: QuantitySeries = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class Judged:
 
 def course_of(
     plan: Plan, readings: Sequence[Reading], over: Floats, quantity: Quantity, others: Sequence[Quantity] = ()
-) -> Course:
+) -> QuantitySeries:
     """The series of a quantity over the readings, with `others` freed beside it in each run."""
     freed = {*range(len(plan.freed)), quantity.column, *quantity.beside}
     for other in others:
@@ -173,7 +173,7 @@ def course_of(
         values[k], std[k] = fitted + step, error * max(1.0, reading.chi2_reduced) ** 0.5
     known = std[np.isfinite(std)]
     std = np.where(np.isfinite(std), std, float(np.median(known)) if known.size else 0.0)
-    return Course(quantity, values, std, over)
+    return QuantitySeries(quantity, values, std, over)
 
 
 def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Sequence[Quantity]) -> Judged:
@@ -235,7 +235,7 @@ def sure_from(tested: Tested, level: float) -> int:
     return int(known[(count or known.size) - 1]) + 1
 
 
-def _scanned(course: Course, draws: int = FINE) -> Scan | None:
+def _scanned(course: QuantitySeries, draws: int = FINE) -> Scan | None:
     known = course.known
     if known.size < 2 * FEWEST_BESIDE or len(set(course.over[known].tolist())) < 2:
         return None
@@ -264,7 +264,7 @@ def _likeness(tested: Tested) -> float:
     return 0.0 if tested.found is None else min(max(tested.found.correlation, 0.0), STRONGEST)
 
 
-def _shape(course: Course, correlation: float, *, steps: bool = False) -> Shape:
+def _shape(course: QuantitySeries, correlation: float, *, steps: bool = False) -> Shape:
     """The shape, its numbers of runs counted among all runs of the survey."""
     known = course.known
     values, std, over = course.values[known], course.std[known], course.over[known]
@@ -273,7 +273,7 @@ def _shape(course: Course, correlation: float, *, steps: bool = False) -> Shape:
     return replace(shape, begins=at[0], earliest=at[1], latest=at[2])
 
 
-def _steps(course: Course) -> tuple[int, ...]:
+def _steps(course: QuantitySeries) -> tuple[int, ...]:
     """The numbers of runs before each step: the series is split where it changes, and each part again.
 
     That the series changes is already established: each further step is tested by itself.
@@ -284,7 +284,9 @@ def _steps(course: Course) -> tuple[int, ...]:
     while parts and len(cuts) < _STEPS:
         first, last = parts.pop()
         indices = known[first:last]
-        part = Course(course.quantity, course.values[indices], course.std[indices], course.over[indices])
+        part = QuantitySeries(
+            course.quantity, course.values[indices], course.std[indices], course.over[indices]
+        )
         scanned = _scanned(part, COARSE)
         if scanned is None or scanned.p_value > SURVEY_ALPHA:
             continue
@@ -294,7 +296,7 @@ def _steps(course: Course) -> tuple[int, ...]:
     return tuple(int(known[cut]) for cut in sorted(cuts))
 
 
-def _apart(course: Course) -> tuple[int, ...]:
+def _apart(course: QuantitySeries) -> tuple[int, ...]:
     """The indices of runs far from the median of their neighbours, if these agree with each other."""
     known = course.known
     if known.size < 2 * _AROUND + 1:

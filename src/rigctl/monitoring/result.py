@@ -13,7 +13,7 @@ from rigctl.model.measured.note import Note
 from rigctl.monitoring.changed_effect import Named
 from rigctl.monitoring.entries import DATE, Axis, Entry
 from rigctl.monitoring.evaluation import Reading
-from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity
+from rigctl.monitoring.multiplicity import Change, Judged, Quantity, QuantitySeries
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
 from rigctl.wording import number_of
@@ -172,7 +172,7 @@ class Survey:
         """A scatter of a quantity in its unit."""
         return show(si, quantity.unit, difference=True, digits=2)
 
-    def shown(self) -> tuple[Course, ...]:
+    def shown(self) -> tuple[QuantitySeries, ...]:
         """The series that are drawn: what has changed and every parameter, then the largest of the rest."""
         changed = {change.quantity.name: change.course for change in self.changes}
         rest = {one.course.quantity.name: one.course for one in self.judged.tested}

@@ -195,10 +195,10 @@ class _Session:
         with suppress(Exception):  # closes what a second signal left open; the outputs are already safe
             steps.close()
         self._bench.make_safe("end of the run")
-        self._insist(signals)
+        self._retry_safe_state(signals)
         return ending
 
-    def _insist(self, signals: Signals) -> None:
+    def _retry_safe_state(self, signals: Signals) -> None:
         """Try to reach a bench that could not be made safe, for a short time or until a further signal."""
         bench, before = self._bench, signals.count
         give_up = bench.now + LAST_TRY

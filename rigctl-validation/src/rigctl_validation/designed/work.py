@@ -17,7 +17,7 @@ from rigctl.design.result import DesignResult
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import switched_off
 from rigctl.files.shipped import shipped
-from rigctl.learning.keep import Kept, Task
+from rigctl.learning.learning_folder import LearningFolder, Task
 from rigctl.learning.learn import Learner
 from rigctl.learning.result import Learned, Round
 from rigctl.model import Model
@@ -93,7 +93,7 @@ def _learned(
         designs.append(design)
         return True
 
-    learner = Learner(Kept.create(folder, task, "design"), bench, runs, yes)
+    learner = Learner(LearningFolder.create(folder, task, "design"), bench, runs, yes)
     if trial.taken:
         learner = replace(learner, designer=_at_random(trial), worth=0.0)
     return learner.learn(), designs

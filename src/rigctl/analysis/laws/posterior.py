@@ -124,7 +124,7 @@ def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[EstimatedLaw, ..
 def _laws(
     fit: FitResult, shaped: Linearisation, discrepancies: Sequence[LawDiscrepancy], noise: float | None
 ) -> tuple[EstimatedLaw, ...]:
-    course = _Course(fit)
+    course = _Prediction(fit)
     visited = {discrepancy.driver: course.range(discrepancy.driver) for discrepancy in discrepancies}
     laws = []
     for discrepancy in discrepancies:
@@ -143,7 +143,7 @@ def _laws(
     return tuple(laws)
 
 
-class _Course:
+class _Prediction:
     """The fitted records' time series: the ranges of variables, and the average of each."""
 
     def __init__(self, fit: FitResult) -> None:

@@ -20,7 +20,7 @@ from rigctl.backends.commands import driven_outputs
 from rigctl.backends.errors import BenchTripped, OutOfReach
 from rigctl.backends.protocol import CommandReceipt, PendingCommand
 from rigctl.backends.transport.bench import PortBench
-from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
+from rigctl.backends.transport.conversation import ActiveConversation, Conversation, carry_through
 from rigctl.backends.transport.port import Connect, NoAnswer, NotConfirmed, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification
 from rigctl.clock import Clock
@@ -38,7 +38,7 @@ class _Order:
     """A command that the board has not answered yet; `asked_for`: whether the caller waits for the answer."""
 
     pending: PendingCommand
-    underway: Underway[None]
+    underway: ActiveConversation[None]
     asked_for: bool
 
 
@@ -91,7 +91,7 @@ class ArduinoBench(PortBench[Board]):
         self._switching = Switching(self._translation, self._outbox, clock)
         self._regulation = Regulation(self._translation, self._receiver, clock)
         self._orders: dict[str, _Order] = {}
-        self._streaming: Underway[None] | None = None
+        self._streaming: ActiveConversation[None] | None = None
         self._on: Mapping[str, float] = {}  # outputs that were read as not safe, SI
 
     @property
@@ -202,7 +202,7 @@ class ArduinoBench(PortBench[Board]):
         if self._contact is None:  # a board that reconnects starts its stream by itself
             return
         try:
-            self._streaming = Underway(self._stream(self._contact))
+            self._streaming = ActiveConversation(self._stream(self._contact))
         except PortLost as error:
             self._lose(error)
 
@@ -233,7 +233,7 @@ class ArduinoBench(PortBench[Board]):
     ) -> PendingCommand:
         """Start a command; raises `OutOfReach`."""
         try:
-            underway = Underway(conversation)
+            underway = ActiveConversation(conversation)
         except PortLost as error:
             self._doubt(pending)
             self._lose(error)

@@ -18,7 +18,7 @@ DAMAGED = (-360, -363)  #: wrong checksum or lost characters: the command was no
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class TimedReply:
     """An answer from the board.
 
     Parameters
@@ -43,14 +43,14 @@ class Question:
     tag: int
     sent: float  #: s
     length: int  #: bytes
-    answer: Answer | None = None
+    answer: TimedReply | None = None
 
     @property
     def arrived_damaged(self) -> bool:
         """Whether the board reports damage, so that the command was not executed."""
         return self.answer is not None and _error_number(self.answer.text) in DAMAGED
 
-    def accepted(self) -> Answer | None:
+    def accepted(self) -> TimedReply | None:
         """Return the answer, None until there is one; raises `Refused` if it is an error."""
         if self.answer is None or self.arrived_damaged:
             return None
@@ -123,7 +123,7 @@ class Line:
         """Ignore an answer that arrives later."""
         self._open.pop(question.tag, None)
 
-    def asking(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> Conversation[Answer]:
+    def asking(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> Conversation[TimedReply]:
         """Send a command and return its answer; repeated if lost, so it must be harmless if executed twice.
 
         Raises
@@ -152,9 +152,9 @@ class Line:
         """As `asking`, but blocks until the answer has arrived; returns its text."""
         return carry_through(self.asking(command, timeout, tries), self.take).text
 
-    def _answer(self, question: Question, reply: Reply) -> Answer:
+    def _answer(self, question: Question, reply: Reply) -> TimedReply:
         now = self.clock.now()
         characters = len(f"#{reply.tag} {reply.text}*0000\n")
         earliest = question.sent + question.length * self._character
         latest = max(now - characters * self._character, earliest)
-        return Answer(earliest, reply.text, latest, len(self.readings))
+        return TimedReply(earliest, reply.text, latest, len(self.readings))

@@ -10,7 +10,7 @@ from rigctl.backends.arduino.line import ANSWER
 from rigctl.backends.arduino.receiver import Receiver
 from rigctl.backends.arduino.translation import Translation, loop_number
 from rigctl.backends.protocol import CommandReceipt
-from rigctl.backends.transport.conversation import Conversation, Underway
+from rigctl.backends.transport.conversation import ActiveConversation, Conversation
 from rigctl.backends.transport.port import NoAnswer, Refused
 from rigctl.clock import Clock
 from rigctl.plan.loop import LoopFigures, LoopSettings, LoopState
@@ -40,7 +40,7 @@ class Regulation:
         self._figures: LoopFigures | None = None
         self._ahead = self._sent = 0.0
         self._asked = 0.0
-        self._tending: Underway[None] | None = None
+        self._tending: ActiveConversation[None] | None = None
 
     @property
     def actuator(self) -> str:
@@ -144,9 +144,9 @@ class Regulation:
             return
         span = self._loop.high - self._loop.low
         if abs(self._ahead - self._sent) > _FINE * span:
-            self._tending = Underway(self._send_ahead(board, self._ahead))
+            self._tending = ActiveConversation(self._send_ahead(board, self._ahead))
         elif self._clock.now() >= self._asked + _ASK:
-            self._tending = Underway(self._ask_figures(board))
+            self._tending = ActiveConversation(self._ask_figures(board))
 
     @property
     def due(self) -> Iterator[float]:

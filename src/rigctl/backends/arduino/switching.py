@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rigctl.backends.arduino.board import Board
-from rigctl.backends.arduino.line import ANSWER, TRIES, Answer, Question
+from rigctl.backends.arduino.line import ANSWER, TRIES, Question, TimedReply
 from rigctl.backends.arduino.messages import Switched
 from rigctl.backends.arduino.translation import Translation
 from rigctl.backends.protocol import CommandReceipt
@@ -92,7 +92,7 @@ class Switching:
         return None
 
     def _recall(
-        self, board: Board, actuator: str, value: float, begun: float, accepted: Answer | None
+        self, board: Board, actuator: str, value: float, begun: float, accepted: TimedReply | None
     ) -> Conversation[CommandReceipt | None]:
         """Query a switch whose report has not arrived; None if it did not take place.
 

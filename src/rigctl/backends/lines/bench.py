@@ -13,13 +13,13 @@ from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.lines.doubt import InDoubt
 from rigctl.backends.lines.error_queue import errors_in_queue
 from rigctl.backends.lines.handshake import handshake
+from rigctl.backends.lines.line_client import LineClient
 from rigctl.backends.lines.poll import Poll, PolledSample
 from rigctl.backends.lines.safe_state import SafeState
 from rigctl.backends.lines.setting import Setter
-from rigctl.backends.lines.talk import Talk
 from rigctl.backends.protocol import CommandReceipt, PendingCommand, Sample
 from rigctl.backends.transport.bench import PortBench
-from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
+from rigctl.backends.transport.conversation import ActiveConversation, Conversation, carry_through
 from rigctl.backends.transport.guard_port import GuardActed, GuardedPort
 from rigctl.backends.transport.port import AnotherDevice, Connect, NotConfirmed, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification
@@ -47,7 +47,7 @@ class _Order:
     asked_for: bool
 
 
-class LineBench(PortBench[Talk]):
+class LineBench(PortBench[LineClient]):
     """A `Backend` for a device that is described by the rig file's ``backend.lines``, on any `Port`.
 
     A sample consists of the device's answers; its time stamp is the middle of the interval of the queries. A
@@ -95,7 +95,7 @@ class LineBench(PortBench[Talk]):
         self._last_answer = 0.0  # s, before contact was lost
         self._start = 0.0
         self._index = 0
-        self._job: Underway[None] | None = None  # the query in progress
+        self._job: ActiveConversation[None] | None = None  # the query in progress
         self._order: _Order | None = None  # the command that it sends, if it sends one
         self._orders: deque[_Order] = deque()  # commands to be sent next
         self._interrupted = False  # a query was in progress when `safe` was called; its answer is not awaited
@@ -134,16 +134,16 @@ class LineBench(PortBench[Talk]):
 
     # --- identification -----------------------------------------------------------------------------------
 
-    def _identify(self, port: Port, *, again: bool) -> DeviceIdentification[Talk]:
-        talk = Talk(port, self.clock, self._lines)
-        return DeviceIdentification(port, talk.take, self._begin(talk))
+    def _identify(self, port: Port, *, again: bool) -> DeviceIdentification[LineClient]:
+        client = LineClient(port, self.clock, self._lines)
+        return DeviceIdentification(port, client.take, self._begin(client))
 
-    def _begin(self, talk: Talk) -> Conversation[Talk]:
+    def _begin(self, client: LineClient) -> Conversation[LineClient]:
         """Identify the device, check that it is the same as before, make it safe and set it up."""
-        found = yield from handshake(talk, self.clock, self._lines)
+        found = yield from handshake(client, self.clock, self._lines)
         known = self._duty.identity
         if known is not None and known != found:  # one such answer may be a damaged one
-            found = yield from handshake(talk, self.clock, self._lines)
+            found = yield from handshake(client, self.clock, self._lines)
         if known is not None and known != found:
             self._in_doubt.exchanged()
             raise RigctlError(
@@ -153,20 +153,20 @@ class LineBench(PortBench[Talk]):
                 exit_code=ExitCode.FAILED,
             )
         self._duty.identity = found
-        self.identity = {**self.identity, "port": talk.port.name, **found}
-        if isinstance(talk.port, GuardedPort):
-            talk.port.identified(found)
-        earlier = yield from errors_in_queue(talk, self._lines)
+        self.identity = {**self.identity, "port": client.port.name, **found}
+        if isinstance(client.port, GuardedPort):
+            client.port.identified(found)
+        earlier = yield from errors_in_queue(client, self._lines)
         if earlier:
             text = f"the device had errors from before: {', '.join(map(repr, earlier))}"
             self._outbox.notice("note", text, errors=earlier)
-        trouble = yield from self._making_safe(talk, self._lines.timeout)
+        trouble = yield from self._making_safe(client, self._lines.timeout)
         if trouble is not None:
             raise NotConfirmed(str(trouble))
         for exchange in self._lines.begin:
-            yield from talk.asking(exchange)
-        self._poll.forget(talk)
-        return talk
+            yield from client.asking(exchange)
+        self._poll.forget(client)
+        return client
 
     # --- making safe --------------------------------------------------------------------------------------
 
@@ -177,27 +177,27 @@ class LineBench(PortBench[Talk]):
             self._index -= 1
         super().safe()
 
-    def _make_safe(self, talk: Talk) -> None:
+    def _make_safe(self, client: LineClient) -> None:
         if self._interrupted:
             self._interrupted = False
-            talk.abandon()
+            client.abandon()
         if self._exchanged:
-            talk.abandon()
-        elif not talk.in_step:  # resynchronising takes time, so the commands are sent without waiting first
+            client.abandon()
+        elif not client.in_step:  # resynchronising takes time, so the commands are sent without waiting first
             with suppress(PortLost):  # reported by the commands that follow, which wait for answers
                 for step in self._setter.safe_commands():
-                    talk.send(step.text)
-        self._safe_for_closing(talk)
+                    client.send(step.text)
+        self._safe_for_closing(client)
 
-    def _safe_for_closing(self, talk: Talk) -> None:
-        patience = max(_SAFE_ANSWER, min(_SAFE_MARGIN * talk.slowest, self._lines.timeout))
-        trouble = carry_through(self._making_safe(talk, patience), talk.take)
+    def _safe_for_closing(self, client: LineClient) -> None:
+        patience = max(_SAFE_ANSWER, min(_SAFE_MARGIN * client.slowest, self._lines.timeout))
+        trouble = carry_through(self._making_safe(client, patience), client.take)
         if trouble is not None:
             raise trouble
 
-    def _making_safe(self, talk: Talk, patience: float) -> Conversation[PortLost | Refused | None]:
+    def _making_safe(self, client: LineClient, patience: float) -> Conversation[PortLost | Refused | None]:
         """Make outputs safe, and return why the device has not confirmed this; None if it has."""
-        outcome = yield from self._safe_state.making(talk, patience)
+        outcome = yield from self._safe_state.making(client, patience)
         self._in_doubt.made_safe(outcome)
         if outcome.trouble is None:
             self._note_safe()
@@ -209,7 +209,7 @@ class LineBench(PortBench[Talk]):
         """Send a command, or queue it until the query in progress has been answered."""
         if self._distrust:
             raise BackendLost(self._distrust)
-        talk = self._check_reach()
+        client = self._check_reach()
         self._ends.pop(actuator, None)
         self._replace(actuator)
         if value != self._resting().get(actuator):
@@ -218,7 +218,7 @@ class LineBench(PortBench[Talk]):
         self._orders.append(_Order(pending, duration, asked_for))
         if self._job is None:
             try:
-                self._attempt(lambda: self._begin_next(talk))
+                self._attempt(lambda: self._begin_next(client))
             except PortLost as error:
                 self._lose(error)
         if isinstance(pending.trouble, OutOfReach):
@@ -234,14 +234,14 @@ class LineBench(PortBench[Talk]):
         if self._order is not None and self._order.pending.actuator == actuator:
             self._order.asked_for = False
 
-    def _carry_out(self, talk: Talk, order: _Order) -> Conversation[None]:
+    def _carry_out(self, client: LineClient, order: _Order) -> Conversation[None]:
         """Set an actuator, and record the device's answer."""
         pending = order.pending
         if pending.value != self._outbox.commanded.get(pending.actuator):
-            state = yield from self._poll.verifying(talk, pending.actuator, self._outbox.commanded)
+            state = yield from self._poll.verifying(client, pending.actuator, self._outbox.commanded)
             self._take_changes(state)
         try:
-            receipt = yield from self._setter.setting(talk, pending.actuator, pending.value)
+            receipt = yield from self._setter.setting(client, pending.actuator, pending.value)
         except Refused as error:
             pending.trouble = RigctlError(str(error), exit_code=ExitCode.FAILED)
             if not order.asked_for:
@@ -271,9 +271,9 @@ class LineBench(PortBench[Talk]):
 
     # --- the line over time -------------------------------------------------------------------------------
 
-    def _advance(self, talk: Talk, until: float) -> None:
+    def _advance(self, client: LineClient, until: float) -> None:
         """Continue the query in progress, or start what is due."""
-        self._attempt(lambda: self._go_on(talk, until))
+        self._attempt(lambda: self._go_on(client, until))
 
     def _attempt(self, action: Callable[[], object]) -> None:
         """Use the line; neither an intervention of the guard nor a refusal counts as a loss of contact."""
@@ -286,30 +286,30 @@ class LineBench(PortBench[Talk]):
             self._job = self._order = None
             self._end(str(error))
 
-    def _go_on(self, talk: Talk, until: float) -> None:
+    def _go_on(self, client: LineClient, until: float) -> None:
         if self._job is None:
-            self._begin_next(talk)
+            self._begin_next(client)
         soonest = min((until, *self._ends.values()))
         if self._job is None:
-            talk.idle(min(soonest, self._due(), self._keep_alive_due(talk)))
+            client.idle(min(soonest, self._due(), self._keep_alive_due(client)))
             return
-        self._job.take(talk.take, soonest)
+        self._job.take(client.take, soonest)
         self._finish_job()
 
-    def _begin_next(self, talk: Talk) -> None:
+    def _begin_next(self, client: LineClient) -> None:
         """Start what is due next: a command, otherwise the keep-alive message, otherwise a sample."""
         now = self.clock.now()
         keep_alive = self._lines.keep_alive
         if self._orders:
             self._order = self._orders.popleft()
-            conversation = self._carry_out(talk, self._order)
-        elif keep_alive is not None and now >= self._keep_alive_due(talk):
-            conversation = _ask(talk, keep_alive)
+            conversation = self._carry_out(client, self._order)
+        elif keep_alive is not None and now >= self._keep_alive_due(client):
+            conversation = _ask(client, keep_alive)
         elif now >= self._due() and not self._distrust:
-            conversation = self._ask_sample(talk)
+            conversation = self._ask_sample(client)
         else:
             return
-        self._job = Underway(conversation)
+        self._job = ActiveConversation(conversation)
         self._finish_job()
 
     def _finish_job(self) -> None:
@@ -320,9 +320,9 @@ class LineBench(PortBench[Talk]):
         """Return the time at which the next sample is due, s."""
         return self._start + self._index / self._rate if self._rate else math.inf
 
-    def _keep_alive_due(self, talk: Talk) -> float:
+    def _keep_alive_due(self, client: LineClient) -> float:
         """Return the time at which the next keep-alive message is due, s."""
-        return math.inf if self._lines.keep_alive is None else talk.last_sent + self._lines.keep_alive.every
+        return math.inf if self._lines.keep_alive is None else client.last_sent + self._lines.keep_alive.every
 
     # --- samples ------------------------------------------------------------------------------------------
 
@@ -338,13 +338,13 @@ class LineBench(PortBench[Talk]):
     def _begin_sampling(self) -> None:
         self._start, self._index = self.clock.now(), 0
 
-    def _ask_sample(self, talk: Talk) -> Conversation[None]:
+    def _ask_sample(self, client: LineClient) -> Conversation[None]:
         """Send the queries that are due, and store their answers as a sample."""
         missed = math.floor((self.clock.now() - self._due()) * self._rate)
         if missed > 0:
             self._outbox.gap(missed)
         self._index += missed + 1
-        reading = yield from self._poll.asking(talk, self._outbox.commanded)
+        reading = yield from self._poll.asking(client, self._outbox.commanded)
         self._takes = min(self._takes, reading.takes or math.inf)
         self._take_changes(reading)
         commands = tuple(self._outbox.commanded[name] for name in self._rig.layout.commands)
@@ -386,14 +386,14 @@ class LineBench(PortBench[Talk]):
     def _unanswered(self) -> list[PendingCommand]:
         return [] if self._order is None else [self._order.pending]
 
-    def _handle_loss(self, talk: Talk, error: PortLost) -> tuple[str, Port | None]:
+    def _handle_loss(self, client: LineClient, error: PortLost) -> tuple[str, Port | None]:
         if isinstance(error, AnotherDevice):
             self._in_doubt.exchanged()
-            if isinstance(talk.port, GuardedPort):
-                talk.port.exchanged()
-        self._last_answer = talk.last_answer
+            if isinstance(client.port, GuardedPort):
+                client.port.exchanged()
+        self._last_answer = client.last_answer
         self._duty.outputs = Outputs.DRIVEN  # a restart may switch them on, whatever they were
-        talk.port.close()
+        client.port.close()
         return "", None
 
     def _skip_missing(self, lost_at: float) -> int:
@@ -404,6 +404,6 @@ class LineBench(PortBench[Talk]):
         return missed
 
 
-def _ask(talk: Talk, exchange: Exchange) -> Conversation[None]:
+def _ask(client: LineClient, exchange: Exchange) -> Conversation[None]:
     """Make an exchange whose answer is not used."""
-    yield from talk.asking(exchange)
+    yield from client.asking(exchange)

@@ -8,7 +8,7 @@ from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.lines.setting import Setter
 from rigctl.backends.transport.adapter import same_adapter
 from rigctl.backends.transport.address import SERIAL, Address
-from rigctl.backends.transport.guard import Orders
+from rigctl.backends.transport.guard import GuardSettings
 from rigctl.backends.transport.port import Port
 from rigctl.backends.transport.safe_commands import Duty
 from rigctl.backends.transport.safe_state_retries import LASTS
@@ -23,7 +23,7 @@ def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBe
     hangs.
     """
     setter, duty = Setter(rig, lines), Duty()
-    orders = Orders(
+    orders = GuardSettings(
         address,
         setter.orders(),
         lines.watchdog,
@@ -31,7 +31,7 @@ def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBe
         read_back=setter.read_back_orders(),
         identify=setter.identify_order(),
         reply_ends=lines.reply_ends,
-        timeout=max(lines.timeout, Orders.timeout),
+        timeout=max(lines.timeout, GuardSettings.timeout),
     )
 
     def connect() -> Port:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rigctl.backends.lines.talk import Talk, WrongAnswer
+from rigctl.backends.lines.line_client import LineClient, WrongAnswer
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.rig import Exchange, Lines
 
@@ -12,7 +12,7 @@ _SAYS = "answer"
 
 
 def errors_in_queue(
-    talk: Talk, lines: Lines, timeout: float = 0.0, most: int = _LONGEST
+    client: LineClient, lines: Lines, timeout: float = 0.0, most: int = _LONGEST
 ) -> Conversation[list[str]]:
     """Send the rig file's ``confirm`` until the device answers that there is no error; return the errors.
 
@@ -31,7 +31,7 @@ def errors_in_queue(
     confirm = lines.confirm
     if confirm is None or not confirm.patterns:
         if confirm is not None:
-            yield from talk.asking(confirm, tries=1)
+            yield from client.asking(confirm, tries=1)
         return []
     # any text is an answer here: one that is not expected must not cost a resynchronisation
     replies = tuple(f"{{{_SAYS}{index}}}" for index in range(len(confirm.patterns)))
@@ -39,7 +39,7 @@ def errors_in_queue(
     errors: list[str] = []
     while len(errors) < most:
         try:
-            answer = yield from talk.asking(question, tries=1, timeout=timeout)
+            answer = yield from client.asking(question, tries=1, timeout=timeout)
         except WrongAnswer as error:  # one of the rig file's ``errors``
             errors.append(error.answer)
             continue

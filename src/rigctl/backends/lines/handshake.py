@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rigctl.backends.lines.talk import Talk, WrongAnswer
+from rigctl.backends.lines.line_client import LineClient, WrongAnswer
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.port import NoAnswer, PortLost
 from rigctl.clock import Clock
@@ -14,7 +14,7 @@ from rigctl.rig import Lines
 _FIRST_SILENCE = 0.3  # s that a device needs to discard an incomplete command
 
 
-def handshake(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[str, str]]:
+def handshake(client: LineClient, clock: Clock, lines: Lines) -> Conversation[Mapping[str, str]]:
     """Query the identity until there is an answer, and return it.
 
     A device without an identity query must answer the first query instead.
@@ -29,12 +29,12 @@ def handshake(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[st
     question = lines.identify or lines.queries[0]
     give_up = clock.now() + lines.wake
     quiet_until = clock.now() + _FIRST_SILENCE
-    talk.port.write(lines.send_ends.encode("utf-8"))  # terminates any incomplete command
+    client.port.write(lines.send_ends.encode("utf-8"))  # terminates any incomplete command
     while clock.now() < quiet_until:
         yield quiet_until
     while True:
         try:
-            answer = yield from talk.asking(question, tries=1)
+            answer = yield from client.asking(question, tries=1)
         except WrongAnswer as error:
             if clock.now() < give_up:
                 continue
@@ -47,7 +47,7 @@ def handshake(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[st
         except NoAnswer as error:
             if clock.now() < give_up:
                 continue
-            heard = "what arrives is no answer; another baud rate?" if talk.heard else "nobody answers"
-            raise PortLost(f"{talk.port.name}: {heard}") from error
-        talk.identity = answer.found if lines.identify is not None else {}
-        return talk.identity
+            heard = "what arrives is no answer; another baud rate?" if client.heard else "nobody answers"
+            raise PortLost(f"{client.port.name}: {heard}") from error
+        client.identity = answer.found if lines.identify is not None else {}
+        return client.identity

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rigctl.backends.lines.meaning import Meaning
-from rigctl.backends.lines.talk import Answer, Talk, WrongAnswer
+from rigctl.backends.lines.line_client import LineClient, LineReply, WrongAnswer
+from rigctl.backends.lines.line_codec import LineCodec
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
@@ -46,7 +46,7 @@ class Poll:
     def __init__(self, rig: Rig, lines: Lines, clock: Clock, outbox: Outbox) -> None:
         self._rig = rig
         self._queries = lines.queries
-        self._meaning = Meaning(rig, lines)
+        self._meaning = LineCodec(rig, lines)
         self._clock = clock
         self._outbox = outbox
         self._values: dict[str, float] = {}
@@ -55,16 +55,16 @@ class Poll:
         self._stray = 0
         self.states_read: set[str] = set()  #: actuators whose state was read since the line was opened
 
-    def forget(self, talk: Talk) -> None:
+    def forget(self, client: LineClient) -> None:
         """Restart all queries on a line that has just been opened."""
         self._values.clear()
         self.states_read.clear()
         self._due = [-math.inf] * len(self._queries)
-        self._stray = talk.stray
-        talk.established = True
+        self._stray = client.stray
+        client.established = True
 
     def verifying(
-        self, talk: Talk, actuator: str, commanded: Mapping[str, float]
+        self, client: LineClient, actuator: str, commanded: Mapping[str, float]
     ) -> Conversation[PolledSample]:
         """Ask for the state of an actuator that is read more rarely than at each sample.
 
@@ -73,11 +73,11 @@ class Poll:
         for index, query in enumerate(self._queries):
             if query.every is not None and actuator in query.places:
                 self._due[index] = -math.inf
-                return (yield from self.asking(talk, commanded, only=index))
+                return (yield from self.asking(client, commanded, only=index))
         return PolledSample(self._clock.now(), 0.0, (), {}, {})
 
     def asking(
-        self, talk: Talk, commanded: Mapping[str, float], *, only: int | None = None
+        self, client: LineClient, commanded: Mapping[str, float], *, only: int | None = None
     ) -> Conversation[PolledSample]:
         """Send the queries that are due, or `only` one of them.
 
@@ -97,7 +97,7 @@ class Poll:
         for index, query in enumerate(self._queries):
             if now < self._due[index] - _SLACK or only not in (None, index):
                 continue
-            answer = yield from self._ask(talk, index, query)
+            answer = yield from self._ask(client, index, query)
             if query.every is not None:
                 self._due[index] = max(self._due[index] + query.every, now)
                 if self._due[index] == now:  # the first query, or the first one after a long time
@@ -107,7 +107,7 @@ class Poll:
             if answer is not None:
                 answers.append(answer)
                 self._take(answer, commanded, states)
-        self._note_stray(talk)
+        self._note_stray(client)
         first = min((answer.sent for answer in answers), default=now)
         last = max((answer.received for answer in answers), default=now)
         values = tuple(self._values.get(name, math.nan) for name in self._rig.layout.channels)
@@ -115,9 +115,9 @@ class Poll:
         takes = 0.0 if math.isnan(takes) else takes
         return PolledSample(0.5 * (first + last), 0.5 * (last - first), values, states, changed, takes)
 
-    def _ask(self, talk: Talk, index: int, query: Query) -> Conversation[Answer | None]:
+    def _ask(self, client: LineClient, index: int, query: Query) -> Conversation[LineReply | None]:
         try:
-            answer = yield from talk.asking(query, fits=self._readable)
+            answer = yield from client.asking(query, fits=self._readable)
         except WrongAnswer as error:
             if not query.places:
                 raise
@@ -141,7 +141,7 @@ class Poll:
             for name, text in found.items()
         )
 
-    def _take(self, answer: Answer, commanded: Mapping[str, float], states: dict[str, float]) -> None:
+    def _take(self, answer: LineReply, commanded: Mapping[str, float], states: dict[str, float]) -> None:
         for name, text in answer.found.items():
             if name in self._rig.channels:
                 self._values[name] = self._meaning.channel(name, text)
@@ -152,11 +152,12 @@ class Poll:
             self.states_read.add(name)
             states[name] = state
 
-    def _note_stray(self, talk: Talk) -> None:
-        more = talk.stray - self._stray
-        self._stray = talk.stray
+    def _note_stray(self, client: LineClient) -> None:
+        more = client.stray - self._stray
+        self._stray = client.stray
         if more > 0:
-            last = "" if more == len(talk.stray_texts) else ", the last"
-            message = f"{number_of(more, 'line')} that nobody asked for{last}: {', '.join(talk.stray_texts)}"
-            talk.stray_texts.clear()
+            last = "" if more == len(client.stray_texts) else ", the last"
+            texts = ", ".join(client.stray_texts)
+            message = f"{number_of(more, 'line')} that nobody asked for{last}: {texts}"
+            client.stray_texts.clear()
             self._outbox.notice("note", message, lines=more)

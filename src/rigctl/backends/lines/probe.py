@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
 
-from rigctl.backends.lines.talk import Talk, WrongAnswer
+from rigctl.backends.lines.line_client import LineClient, WrongAnswer
 from rigctl.backends.transport.port import Port, PortLost
 from rigctl.clock import Clock
 from rigctl.rig import Exchange, Lines
@@ -67,9 +67,9 @@ def probe(connect: Callable[[], Port], clock: Clock, *, rounds: int = 50, patien
     """
     port = connect()
     try:
-        talk = Talk(port, clock, _protocol(QUESTIONS[0]))
-        question, identity = _first_answer(talk, clock, patience)
-        link = _measure(Talk(port, clock, _protocol(question)), clock, question, identity, rounds)
+        client = LineClient(port, clock, _protocol(QUESTIONS[0]))
+        question, identity = _first_answer(client, clock, patience)
+        link = _measure(LineClient(port, clock, _protocol(question)), clock, question, identity, rounds)
     finally:
         port.close()
     return Found(question, identity, _name(identity), link)
@@ -80,48 +80,48 @@ def _protocol(question: str) -> Lines:
     return Lines.model_validate({"queries": [exchange], "timeout": f"{_TIMEOUT} s", "tries": 1})
 
 
-def _ask(talk: Talk, question: str) -> str | None:
+def _ask(client: LineClient, question: str) -> str | None:
     """Return the answer; None if there is none, or if the device only echoes the query."""
     exchange = Exchange.model_validate({"send": question, "reply": "{identity}"})
     try:
-        found = talk.ask(exchange, tries=1).found["identity"]
+        found = client.ask(exchange, tries=1).found["identity"]
     except WrongAnswer:
         return None
     return found if found and found.casefold() != question.casefold() else None
 
 
-def _first_answer(talk: Talk, clock: Clock, patience: float) -> tuple[str, str]:
+def _first_answer(client: LineClient, clock: Clock, patience: float) -> tuple[str, str]:
     """Return the first of `QUESTIONS` that the device answers, and its answer."""
     give_up = clock.now() + patience
-    talk.port.write(b"\n")  # terminates any incomplete command
-    talk.idle(clock.now() + 0.2)
+    client.port.write(b"\n")  # terminates any incomplete command
+    client.idle(clock.now() + 0.2)
     while True:
         for question in QUESTIONS:
             try:
-                identity = _ask(talk, question)
+                identity = _ask(client, question)
             except PortLost:
                 if clock.now() >= give_up:
-                    raise PortLost(_silence(talk)) from None
+                    raise PortLost(_silence(client)) from None
                 continue
             if identity is not None:
                 return question, identity
         if clock.now() >= give_up:
-            raise PortLost(_silence(talk))
+            raise PortLost(_silence(client))
 
 
-def _silence(talk: Talk) -> str:
-    if talk.heard:
-        return f"{talk.port.name}: something is sent, but no answer to *IDN? or VER; another baud rate?"
-    return f"{talk.port.name}: nobody answers *IDN? or VER"
+def _silence(client: LineClient) -> str:
+    if client.heard:
+        return f"{client.port.name}: something is sent, but no answer to *IDN? or VER; another baud rate?"
+    return f"{client.port.name}: nobody answers *IDN? or VER"
 
 
-def _measure(talk: Talk, clock: Clock, question: str, identity: str, rounds: int) -> Link:
+def _measure(client: LineClient, clock: Clock, question: str, identity: str, rounds: int) -> Link:
     trips: list[float] = []
     damaged = 0
     for _ in range(rounds):
         began = clock.now()
         try:
-            answer = _ask(talk, question)
+            answer = _ask(client, question)
         except PortLost:
             continue
         if answer == identity:

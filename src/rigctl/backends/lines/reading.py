@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from statistics import median
 
 from rigctl.backends.lines.handshake import handshake
-from rigctl.backends.lines.meaning import Meaning
-from rigctl.backends.lines.talk import Talk, WrongAnswer
+from rigctl.backends.lines.line_client import LineClient, WrongAnswer
+from rigctl.backends.lines.line_codec import LineCodec
 from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.conversation import carry_through
 from rigctl.clock import Clock
@@ -50,12 +50,12 @@ def read_once(rig: Rig, lines: Lines, address: Address, clock: Clock) -> OneRead
     """
     port = address.open(clock)
     try:
-        talk, meaning, trips = Talk(port, clock, lines), Meaning(rig, lines), []
-        reading = OneReading(carry_through(handshake(talk, clock, lines), talk.take))
+        client, meaning, trips = LineClient(port, clock, lines), LineCodec(rig, lines), []
+        reading = OneReading(carry_through(handshake(client, clock, lines), client.take))
         reading.values = dict.fromkeys(rig.channels, math.nan)
         for query in lines.queries:
             try:
-                answer = talk.ask(query)
+                answer = client.ask(query)
             except WrongAnswer as wrong:
                 reading.troubles.append(str(wrong))
                 continue

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from rigctl.backends.lines.error_queue import errors_in_queue
+from rigctl.backends.lines.line_client import LineClient, LineReply, WrongAnswer
 from rigctl.backends.lines.setting import SafeCommand, Setter
-from rigctl.backends.lines.talk import Answer, Talk, WrongAnswer
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.guard_port import GuardActed
 from rigctl.backends.transport.port import AnotherDevice, PortLost, Refused
@@ -63,7 +63,7 @@ class SafeState:
         self._clock = clock
         self._guard_acted = guard_acted
 
-    def making(self, talk: Talk, patience: float) -> Conversation[SafeOutcome]:
+    def making(self, client: LineClient, patience: float) -> Conversation[SafeOutcome]:
         """Send all commands that make outputs safe, even if some of them fail, and read the states back.
 
         Once the device has not answered for `patience` s, its answers are no longer waited for.
@@ -75,17 +75,17 @@ class SafeState:
                 if silence is not None:
                     outcome.doubt(step.actuators, silence)
                     if not isinstance(silence, AnotherDevice):
-                        talk.send(step.text)
+                        client.send(step.text)
                     continue
-                yield from self._commanding(talk, step, patience)
+                yield from self._commanding(client, step, patience)
             except PortLost as error:
                 silence = silence or error
                 outcome.doubt(step.actuators, error)
             except Refused as error:
                 outcome.doubt(step.actuators, error)
         if silence is None:
-            yield from self._reading_back(talk, patience, outcome)
-            yield from self._identifying(talk, patience, outcome)
+            yield from self._reading_back(client, patience, outcome)
+            yield from self._identifying(client, patience, outcome)
         else:
             outcome.doubt(self._undecided(silence), silence)
         return outcome
@@ -96,7 +96,7 @@ class SafeState:
         another = isinstance(silence, AnotherDevice)
         return {name for name in self._setter.safe_values if another or self._setter.is_read(name)}
 
-    def _commanding(self, talk: Talk, step: SafeCommand, patience: float) -> Conversation[None]:
+    def _commanding(self, client: LineClient, step: SafeCommand, patience: float) -> Conversation[None]:
         """Send one command and require that the device confirms it.
 
         Errors in the device's queue may have other causes: the command is then sent again.
@@ -104,21 +104,21 @@ class SafeState:
         errors: list[str] = []
         for _ in range(2):
             try:
-                answer = yield from talk.asking(
+                answer = yield from client.asking(
                     step.exchange, step.text, tries=1, timeout=patience, anyway=True
                 )
                 step.require(answer)
-                errors = yield from errors_in_queue(talk, self._lines, patience, _MOST_ERRORS)
+                errors = yield from errors_in_queue(client, self._lines, patience, _MOST_ERRORS)
             except GuardActed as acted:
                 self._guard_acted(acted)
-                talk.abandon()  # what the guard has sent is still being answered
+                client.abandon()  # what the guard has sent is still being answered
                 continue
             if not errors:
                 return
         if errors:
             raise WrongAnswer(step.text, errors[0])
 
-    def _reading_back(self, talk: Talk, patience: float, outcome: SafeOutcome) -> Conversation[None]:
+    def _reading_back(self, client: LineClient, patience: float, outcome: SafeOutcome) -> Conversation[None]:
         """Read the states of outputs; a state that was read decides, whatever was answered before."""
         give_up = self._clock.now() + _FOLLOWS
         silence: PortLost | None = None
@@ -127,12 +127,12 @@ class SafeState:
                 outcome.doubt(names, silence)
                 continue
             try:
-                answer = yield from talk.asking(query, tries=2, timeout=patience)
+                answer = yield from client.asking(query, tries=2, timeout=patience)
                 while (wrong := self._wrong(answer, names)) and self._clock.now() < give_up:
                     look = self._clock.now() + _LOOK
                     while self._clock.now() < look:
                         yield look
-                    answer = yield from talk.asking(query, tries=2, timeout=patience)
+                    answer = yield from client.asking(query, tries=2, timeout=patience)
             except PortLost as error:
                 silence = error
                 outcome.doubt(names, error)
@@ -144,13 +144,13 @@ class SafeState:
                 outcome.doubt([name], self._still(query, answer, name, value))
                 outcome.doubtful[name] = value
 
-    def _identifying(self, talk: Talk, patience: float, outcome: SafeOutcome) -> Conversation[None]:
+    def _identifying(self, client: LineClient, patience: float, outcome: SafeOutcome) -> Conversation[None]:
         """Require that the device is the same as before the commands; otherwise nothing is confirmed."""
-        identify, known = self._lines.identify, talk.identity
+        identify, known = self._lines.identify, client.identity
         if identify is None or known is None or isinstance(outcome.trouble, PortLost):
             return
         try:
-            yield from talk.asking(identify, tries=2, timeout=patience, fits=lambda found: found == known)
+            yield from client.asking(identify, tries=2, timeout=patience, fits=lambda found: found == known)
         except AnotherDevice as error:
             outcome.trouble = None  # that decides, whatever the states of another device are
             outcome.doubtful.clear()
@@ -158,12 +158,12 @@ class SafeState:
         except (PortLost, Refused) as error:
             outcome.doubt(self._setter.safe_values.keys() - outcome.doubtful.keys(), error)
 
-    def _wrong(self, answer: Answer, names: tuple[str, ...]) -> dict[str, float | None]:
+    def _wrong(self, answer: LineReply, names: tuple[str, ...]) -> dict[str, float | None]:
         """Return the outputs that are not safe according to an answer, with their values."""
         states, safe = self._setter.states(answer, names), self._setter.safe_values
         return {name: value for name, value in states.items() if value != safe[name]}
 
-    def _still(self, query: Query, answer: Answer, name: str, value: float | None) -> Refused:
+    def _still(self, query: Query, answer: LineReply, name: str, value: float | None) -> Refused:
         if value is None:
             return WrongAnswer(query.send, answer.found[name], f"the state of {name}")
         show = self._rig.actuators[name].show

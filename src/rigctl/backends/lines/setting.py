@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 from rigctl.backends.lines.error_queue import errors_in_queue
-from rigctl.backends.lines.meaning import Meaning
-from rigctl.backends.lines.talk import Answer, Talk, WrongAnswer
+from rigctl.backends.lines.line_client import LineClient, LineReply, WrongAnswer
+from rigctl.backends.lines.line_codec import LineCodec
 from rigctl.backends.protocol import CommandReceipt
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.safe_commands import SafeOrder
@@ -29,7 +29,7 @@ class SafeCommand:
 
     exchange: Exchange
     text: str
-    require: Callable[[Answer], None]
+    require: Callable[[LineReply], None]
     actuators: tuple[str, ...]
 
 
@@ -39,9 +39,9 @@ class Setter:
     def __init__(self, rig: Rig, lines: Lines) -> None:
         self._rig = rig
         self._lines = lines
-        self._meaning = Meaning(rig, lines)
+        self._meaning = LineCodec(rig, lines)
 
-    def setting(self, talk: Talk, actuator: str, value: float) -> Conversation[CommandReceipt]:
+    def setting(self, client: LineClient, actuator: str, value: float) -> Conversation[CommandReceipt]:
         """Set an actuator to an SI value.
 
         Raises
@@ -53,15 +53,15 @@ class Setter:
         """
         part = self._lines.actuators[actuator]
         text = self._meaning.command(actuator, value)
-        answer = yield from talk.asking(part, text)
+        answer = yield from client.asking(part, text)
         self._require(actuator, value, text, answer)
-        errors = yield from errors_in_queue(talk, self._lines)
+        errors = yield from errors_in_queue(client, self._lines)
         if errors:
             raise WrongAnswer(text, errors[0])
         middle, half = 0.5 * (answer.sent + answer.received), 0.5 * (answer.received - answer.sent)
         return CommandReceipt(middle, actuator, value, half)
 
-    def _require(self, actuator: str, value: float, text: str, answer: Answer) -> None:
+    def _require(self, actuator: str, value: float, text: str, answer: LineReply) -> None:
         """Require that an answer that contains a value contains the commanded one."""
         echoed = answer.found.get(VALUE)
         if echoed is not None and self._meaning.setting(actuator, echoed, value) != value:
@@ -89,7 +89,7 @@ class Setter:
         """Return whether a query reads the state of an output."""
         return any(actuator in names for _, names in self.read_back)
 
-    def states(self, answer: Answer, names: tuple[str, ...]) -> Mapping[str, float | None]:
+    def states(self, answer: LineReply, names: tuple[str, ...]) -> Mapping[str, float | None]:
         """Return the SI values of outputs in the answer to such a query; None for what is no value."""
         return {
             name: self._meaning.setting(name, answer.found[name], self.safe_values[name]) for name in names

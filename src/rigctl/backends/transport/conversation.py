@@ -17,7 +17,7 @@ Conversation: TypeAlias = Generator[float, None, T]
 Take: TypeAlias = Callable[[float], object]
 
 
-class Underway(Generic[T]):
+class ActiveConversation(Generic[T]):
     """A conversation in progress.
 
     Attributes
@@ -79,7 +79,7 @@ class Underway(Generic[T]):
 
 def carry_through(conversation: Conversation[T], take: Take) -> T:
     """Run a conversation to its end, waiting for the answers."""
-    underway = Underway(conversation)
+    underway = ActiveConversation(conversation)
     while not underway.over:
         underway.take(take, underway.until)
     return underway.result

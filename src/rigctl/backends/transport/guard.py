@@ -37,7 +37,7 @@ _GIVES_WAY = 2.0  # s for another guard to release the port
 
 
 @dataclass(frozen=True)
-class Orders:
+class GuardSettings:
     """The guard's orders: the port, the safe commands, and the longest permitted silence of rigctl.
 
     Parameters
@@ -78,7 +78,7 @@ class Orders:
         return json.dumps(plain).encode("utf-8")
 
     @classmethod
-    def from_json(cls, content: bytes) -> Orders:
+    def from_json(cls, content: bytes) -> GuardSettings:
         """Read orders written by `to_json`."""
         fields = json.loads(content)
         orders = {name: tuple(map(_order, fields[name])) for name in ("safe", "read_back")}
@@ -108,7 +108,7 @@ class Guard:
     here: whether that device is on the port.
     """
 
-    def __init__(self, connection: socket.socket, orders: Orders, port: Port, clock: Clock) -> None:
+    def __init__(self, connection: socket.socket, orders: GuardSettings, port: Port, clock: Clock) -> None:
         self._connection = connection
         self._orders = orders
         self._port = port
@@ -231,7 +231,7 @@ def main() -> int:
     with socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=10.0) as connection:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         send_frame(connection, Frame.ALIVE, secret.encode("ascii"))
-        orders = Orders.from_json(_first(connection))
+        orders = GuardSettings.from_json(_first(connection))
         clock = real_clock()
         connect = _connect(orders, clock)
         try:
@@ -261,7 +261,7 @@ def main() -> int:
 
 
 def _unsafe(
-    left: Outputs | None, guard: Guard, orders: Orders, inherited: Notice | None
+    left: Outputs | None, guard: Guard, orders: GuardSettings, inherited: Notice | None
 ) -> list[Mapping[str, str] | None]:
     """Return the identities of the devices that still have to be made safe; None: of the rig file's kind.
 
@@ -281,7 +281,7 @@ def _unsafe(
     return found
 
 
-def _connect(orders: Orders, clock: Clock) -> Connect:
+def _connect(orders: GuardSettings, clock: Clock) -> Connect:
     """Return what opens the port, as long as it has the same USB adapter as at first."""
 
     def connect() -> Port:
@@ -290,7 +290,7 @@ def _connect(orders: Orders, clock: Clock) -> Connect:
     return same_adapter(connect, orders.url) if orders.address.kind in SERIAL else connect
 
 
-def _open(orders: Orders, connect: Connect) -> tuple[Port, Notice | None]:
+def _open(orders: GuardSettings, connect: Connect) -> tuple[Port, Notice | None]:
     """Open the port; also return the notice of another guard that was making its device safe, now stopped."""
     give_up = time.monotonic() + _GIVES_WAY
     inherited: Notice | None = None

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 
-from rigctl.backends.transport.guard import Orders
+from rigctl.backends.transport.guard import GuardSettings
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
 from rigctl.backends.transport.port import PortLost
 from rigctl.backends.transport.safe_commands import Duty, Outputs
@@ -54,7 +54,7 @@ class GuardedPort:
         there is no permission, or the guard cannot be started.
     """
 
-    def __init__(self, orders: Orders, clock: Clock, duty: Duty) -> None:
+    def __init__(self, orders: GuardSettings, clock: Clock, duty: Duty) -> None:
         self.name = orders.url
         self._clock = clock
         self._duty = duty
@@ -115,7 +115,7 @@ class GuardedPort:
             else:
                 _GOING_ON.append(self._process)  # it has taken over from a guard that was trying
 
-    def _begin(self, orders: Orders) -> None:
+    def _begin(self, orders: GuardSettings) -> None:
         self._tell(Frame.CONFIGURE, orders.to_json())
         self._connection.settimeout(_STARTS_WITHIN)
         while True:

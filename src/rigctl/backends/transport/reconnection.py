@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.transport.conversation import Conversation, Take, Underway
+from rigctl.backends.transport.conversation import ActiveConversation, Conversation, Take
 from rigctl.backends.transport.port import Connect, Port, PortLost, Refused
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -30,7 +30,7 @@ class DeviceIdentification(Generic[Device]):
     def __init__(self, port: Port, take: Take, conversation: Conversation[Device]) -> None:
         self.port = port
         self._take = take
-        self._underway = Underway(_lost_if_refused(conversation))
+        self._underway = ActiveConversation(_lost_if_refused(conversation))
 
     def go_on(self, until: float) -> Device | None:
         """Continue until about bench time `until`; return the device, or None if it takes longer."""

@@ -68,7 +68,7 @@ class Notice:
         return f"a guard (process {self.pid}) {what} to make outputs safe on {self.port}{who}{trouble}"
 
 
-class Orders(Protocol):
+class SafeStateSettings(Protocol):
     """The part of a guard's orders that is used here."""
 
     @property
@@ -126,7 +126,7 @@ class SafeStateRetries:
 
     def __init__(
         self,
-        orders: Orders,
+        orders: SafeStateSettings,
         clock: Clock,
         open_port: Callable[[], Port],
         ended: Callable[[], bool],

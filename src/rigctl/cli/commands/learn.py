@@ -21,7 +21,7 @@ from rigctl.errors import ExitCode, RigctlError
 if TYPE_CHECKING:
     from rigctl.design.result import DesignResult
     from rigctl.learning.bench import LaunchedBench
-    from rigctl.learning.keep import Kept, Task
+    from rigctl.learning.learning_folder import LearningFolder, Task
     from rigctl.learning.result import Learned, Round
     from rigctl.plan import Plan
     from rigctl.runner.launch import Launch
@@ -203,15 +203,15 @@ def _resumed(
     time: float | None,
     rounds: int | None,
     precision: float | None,
-) -> Kept:
-    from rigctl.learning.keep import Kept
+) -> LearningFolder:
+    from rigctl.learning.learning_folder import LearningFolder
     from rigctl.project import find_project
 
     if procedure is not None or model is not None:
         raise RigctlError(
             "--resume: procedure and model are those of the session", expected="rigctl learn --resume"
         )
-    session = Kept.find(find_project().root)
+    session = LearningFolder.find(find_project().root)
     session.reopen(budget=time, rounds=rounds, precision=precision)
     return session
 
@@ -227,12 +227,12 @@ def _new_session(
     rounds: int | None,
     hold_out: str,
     precision: float | None,
-) -> Kept:
+) -> LearningFolder:
     """Start a new learning; all errors are found before a folder is made."""
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.dataset import find_run
-    from rigctl.learning.keep import Kept, Task
     from rigctl.learning.learn import require_time
+    from rigctl.learning.learning_folder import LearningFolder, Task
     from rigctl.model import current_version
     from rigctl.project import find_file, find_project, own_model
 
@@ -259,7 +259,7 @@ def _new_session(
         hold_out=hold_out,
         precision=precision,
     )
-    return Kept.create(find_project().root, task, plan.name)
+    return LearningFolder.create(find_project().root, task, plan.name)
 
 
 def _bench(task: Task, person: str) -> LaunchedBench:
@@ -344,7 +344,7 @@ def _confirmed() -> bool:
         ) from None
 
 
-def _write_page(session: Kept, learned: Learned) -> Path:
+def _write_page(session: LearningFolder, learned: Learned) -> Path:
     """Write the page into the learning's folder; replaced after every session."""
     from rigctl.cli.analysis_page import named_versions
     from rigctl.dataset import find_run, open_run

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.dialect import cell_place, split_row, stripped
-from rigctl.dataset.importing.layouts import Row, is_names
+from rigctl.dataset.importing.layouts import LayoutRow, is_names
 from rigctl.dataset.importing.missing_values import NO_VALUE, is_comment
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, Heading, Part, labels_of_texts
@@ -152,7 +152,7 @@ def _is_heading(line: int, row_cells: list[str], headings: Sequence[Heading], ce
     """Return whether a row repeats one above the values; refuse another heading."""
     if stripped(row_cells) in cells.repeats:
         return True
-    row = Row(line, line, tuple(row_cells))
+    row = LayoutRow(line, line, tuple(row_cells))
     known = {cell.strip() for cell in row_cells} & cells.missing
     if not is_names(row) or known - {""} or 2 * len(row.filled) < len(headings):
         return False

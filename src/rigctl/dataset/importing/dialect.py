@@ -14,7 +14,7 @@ from typing import Final
 from rigctl.dataset.importing.headings import split_heading, time_unit
 from rigctl.dataset.importing.layouts import (
     Layout,
-    Row,
+    LayoutRow,
     find_layout,
     has_value,
     is_data,
@@ -55,7 +55,7 @@ class Dialect:
     decimal: str
     headings: tuple[Heading, ...]
     lines: int
-    sample: tuple[Row, ...]
+    sample: tuple[LayoutRow, ...]
     remarks: tuple[str, ...]
     repeats: frozenset[tuple[str, ...]] = frozenset()
 
@@ -179,12 +179,12 @@ def split_row(line: str, delimiter: str) -> list[str]:
     return next(csv.reader([line], delimiter=delimiter), [])
 
 
-def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
+def _rows(text: str, delimiter: str, *, complete: bool) -> list[LayoutRow]:
     """Yield the rows that are neither blank nor a comment."""
     if delimiter == " ":
         lines = text.splitlines()[: SAMPLE_ROWS + 1]
         rows = [
-            Row(number, number, tuple(cell.strip('"') for cell in split_row(line, " ")))
+            LayoutRow(number, number, tuple(cell.strip('"') for cell in split_row(line, " ")))
             for number, line in enumerate(lines, start=1)
             if line.strip() and not is_comment(split_row(line, " "))
         ]
@@ -200,7 +200,7 @@ def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
                 line, before = before + 1, reader.line_num
                 blank = not any(cell.strip() for cell in cells)
                 if not blank and not is_comment(cells) and not (line == 1 and cells[0].startswith("sep=")):
-                    rows.append(Row(line, before, tuple(cells)))
+                    rows.append(LayoutRow(line, before, tuple(cells)))
                 if len(rows) > SAMPLE_ROWS:
                     break
         except csv.Error:
@@ -210,7 +210,7 @@ def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
     return rows[:-1] if cut else rows
 
 
-def _without_percent_comments(rows: list[Row], delimiter: str) -> list[Row]:
+def _without_percent_comments(rows: list[LayoutRow], delimiter: str) -> list[LayoutRow]:
     """Return the rows without the comments that begin with ``%`` and a space, above everything else.
 
     Below a row of names, ``%`` is a unit; in a row as wide as the table, the name of a column, unless the
@@ -228,17 +228,17 @@ def _without_percent_comments(rows: list[Row], delimiter: str) -> list[Row]:
     return [*(row for row in named if len(row.cells) == width), *rows[first:]]
 
 
-def _names_percent(row: Row, width: int) -> bool:
+def _names_percent(row: LayoutRow, width: int) -> bool:
     """Return whether the first column of a heading is called ``%`` or ``% open``: another one is the time."""
     name = row.cells[0].strip().lstrip("% ")
     times = [time_unit(*split_heading(cell))[0] for cell in row.cells[1:]]
     return len(row.cells) == width and is_names(row) and (not name or any(times))
 
 
-def _divide(text: str, options: Options, *, complete: bool) -> tuple[str, list[Row], int] | None:
+def _divide(text: str, options: Options, *, complete: bool) -> tuple[str, list[LayoutRow], int] | None:
     """Return the delimiter that gives most rows equally many cells, the rows, and the first of those."""
     delimiter_option = checked_delimiter(options.delimiter)
-    best: tuple[float, str, list[Row], int] | None = None
+    best: tuple[float, str, list[LayoutRow], int] | None = None
     for delimiter in (delimiter_option,) if delimiter_option else DELIMITERS:
         rows = _rows(text, delimiter, complete=complete)
         if not rows:
@@ -257,7 +257,7 @@ def _divide(text: str, options: Options, *, complete: bool) -> tuple[str, list[R
     return ("," if best[0] == 0.0 and not delimiter_option else delimiter), rows, first
 
 
-def _layout(text: str, delimiter: str, rows: list[Row], index: int, heading: int | None) -> Layout:
+def _layout(text: str, delimiter: str, rows: list[LayoutRow], index: int, heading: int | None) -> Layout:
     """Return the heading: the stated one, or the one that is found."""
     if heading == 0:
         return _unnamed(rows, index)  # and a row without values there is a bad one
@@ -266,7 +266,7 @@ def _layout(text: str, delimiter: str, rows: list[Row], index: int, heading: int
     return find_layout(rows, index) or _as_wide(text, delimiter, rows, index)
 
 
-def _as_wide(text: str, delimiter: str, rows: list[Row], index: int) -> Layout:
+def _as_wide(text: str, delimiter: str, rows: list[LayoutRow], index: int) -> Layout:
     """Return the first row as wide as the table as its heading; if it has values, what is above it."""
     row, width = rows[index], len(rows[index].cells)
     if not is_data(row):
@@ -292,19 +292,19 @@ def _as_wide(text: str, delimiter: str, rows: list[Row], index: int) -> Layout:
     return _unnamed(rows, index)
 
 
-def _in_comments(text: str, delimiter: str, line: int, width: int) -> list[Row]:
+def _in_comments(text: str, delimiter: str, line: int, width: int) -> list[LayoutRow]:
     """Return the comments above a line that have as many names as the table has columns."""
     written = enumerate(text.splitlines()[: line - 1], start=1)
     comments = ((at, one.lstrip("#% \t")) for at, one in written if one.startswith(("#", "%")))
-    rows = [Row(at, at, tuple(split_row(one, delimiter))) for at, one in comments]
+    rows = [LayoutRow(at, at, tuple(split_row(one, delimiter))) for at, one in comments]
     return [row for row in rows if len(row.cells) == width and not is_data(row)]
 
 
-def _unnamed(rows: Sequence[Row], first: int) -> Layout:
+def _unnamed(rows: Sequence[LayoutRow], first: int) -> Layout:
     return Layout([str(number) for number in range(1, len(rows[first].cells) + 1)], 0, first)
 
 
-def _stated(text: str, delimiter: str, rows: Sequence[Row], heading: int) -> Layout:
+def _stated(text: str, delimiter: str, rows: Sequence[LayoutRow], heading: int) -> Layout:
     """Return the heading on the line that the user has stated."""
     lines = text.splitlines()
     written = lines[heading - 1] if heading <= len(lines) else ""
@@ -320,7 +320,7 @@ def _stated(text: str, delimiter: str, rows: Sequence[Row], heading: int) -> Lay
     return Layout(cells, heading, first)
 
 
-def _below_padding(rows: Sequence[Row], index: int) -> tuple[list[str], int]:
+def _below_padding(rows: Sequence[LayoutRow], index: int) -> tuple[list[str], int]:
     """The cells of the heading and its index, where `index` is the first row as wide as the table.
 
     A spreadsheet pads the notes above a table to its width, and writes a merged heading in two rows: names
@@ -340,7 +340,12 @@ def _below_padding(rows: Sequence[Row], index: int) -> tuple[list[str], int]:
 
 
 def _headings(
-    path: Path, text: str, delimiter: str, layout: Layout, units: Sequence[str | None], sample: Sequence[Row]
+    path: Path,
+    text: str,
+    delimiter: str,
+    layout: Layout,
+    units: Sequence[str | None],
+    sample: Sequence[LayoutRow],
 ) -> tuple[Heading, ...]:
     """Return a heading for each column; one without a name is called by its number."""
     line, count = layout.line, len(layout.cells)

@@ -27,7 +27,7 @@ _VALUES: Final = 2
 
 
 @dataclass(frozen=True)
-class Row:
+class LayoutRow:
     """Cells of one row of the file; `line` and `last` are its first and its last line."""
 
     line: int
@@ -60,7 +60,7 @@ class Layout:
     unused: frozenset[int] = field(default=frozenset())
 
 
-def find_layout(rows: Sequence[Row], index: int) -> Layout | None:
+def find_layout(rows: Sequence[LayoutRow], index: int) -> Layout | None:
     """Return the heading of a table; None if no row of names stands above its values.
 
     Parameters
@@ -74,7 +74,7 @@ def find_layout(rows: Sequence[Row], index: int) -> Layout | None:
     return _above_values(rows, index)
 
 
-def _campbell(rows: Sequence[Row]) -> Layout:
+def _campbell(rows: Sequence[LayoutRow]) -> Layout:
     """TOA5: the station, the names, their units, and how each was processed, a line each."""
     names, units = rows[1], rows[2].cells
     first = 4 if len(rows) > 3 and not is_data(rows[3]) else 3
@@ -84,7 +84,7 @@ def _campbell(rows: Sequence[Row]) -> Layout:
     return Layout(names.cells, names.line, first, known, unused)
 
 
-def _labview(rows: Sequence[Row]) -> Layout | None:
+def _labview(rows: Sequence[LayoutRow]) -> Layout | None:
     """LabVIEW's measurement file: the heading follows the header of the first segment."""
     ends = (at for at, row in enumerate(rows[:-2]) if row.cells[0].strip() == _END_OF_HEADER)
     end = next((at for at in ends if is_data(rows[at + 2])), None)
@@ -103,7 +103,7 @@ def _labview(rows: Sequence[Row]) -> Layout | None:
     return Layout(cells, heading.line, end + 2, units)
 
 
-def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
+def _above_values(rows: Sequence[LayoutRow], index: int) -> Layout | None:
     """The last row of names above the first rows of values; a name that it lacks is in the row above."""
     first = next((at for at in range(index, len(rows)) if _begins_values(rows, at)), None)
     if first is None:
@@ -131,7 +131,7 @@ def _above_values(rows: Sequence[Row], index: int) -> Layout | None:
     return Layout(cells, rows[at].line, first, units, unused)
 
 
-def _names_above_units(row: Row, below: Row) -> bool:
+def _names_above_units(row: LayoutRow, below: LayoutRow) -> bool:
     """Return whether some names are numbers, as those of an oscilloscope's channels: ``x-axis,1,2``.
 
     The first column is the time, in a unit of time: ``Interval,0.1,s`` above ``t,V,A`` is a setting, and the
@@ -147,7 +147,7 @@ def _names_above_units(row: Row, below: Row) -> bool:
     return is_time and named and seconds and None not in units
 
 
-def repeats_units(upper: Row, lower: Row) -> bool:
+def repeats_units(upper: LayoutRow, lower: LayoutRow) -> bool:
     """Return whether both rows have units of the same quantities, so that neither has the names.
 
     Raises
@@ -184,7 +184,7 @@ def _unit(cell: str) -> Unit | None:
     return parse_unit(text) if text else None
 
 
-def _begins_values(rows: Sequence[Row], at: int) -> bool:
+def _begins_values(rows: Sequence[LayoutRow], at: int) -> bool:
     """Return whether at least half of the cells of this row and of the next are values, or all of this one,
     which follows a row of names: a logger may have stopped after a single row.
     """
@@ -198,7 +198,7 @@ def _begins_values(rows: Sequence[Row], at: int) -> bool:
     )
 
 
-def has_value(row: Row) -> bool:
+def has_value(row: LayoutRow) -> bool:
     """Return whether a row has a number or a moment in some cell."""
     return any(_is_value(cell) for cell in row.filled)
 
@@ -207,14 +207,14 @@ def _is_value(cell: str) -> bool:
     return bool(_MOMENT.fullmatch(cell)) or (cell not in NO_VALUE and looks_numeric(cell))
 
 
-def is_names(row: Row) -> bool:
+def is_names(row: LayoutRow) -> bool:
     """Return whether a row has names and no values: at least two, and half of its cells."""
     filled = row.filled
     names = [cell for cell in filled if cell not in NO_VALUE]
     return len(names) > 1 and 2 * len(filled) >= len(row.cells) and not has_value(row)
 
 
-def is_data(row: Row) -> bool:
+def is_data(row: LayoutRow) -> bool:
     """Return whether a row has numbers, or a time and numbers, and no names."""
     filled = row.filled
     return any(looks_numeric(cell) for cell in filled) and all(
@@ -222,7 +222,7 @@ def is_data(row: Row) -> bool:
     )
 
 
-def unit_row(names: Sequence[str], below: Row) -> list[str | None]:
+def unit_row(names: Sequence[str], below: LayoutRow) -> list[str | None]:
     """Return the units in a row below the names; empty if it is no row of units.
 
     A cell that is no unit says something else of its column (``NO.``, ``A123``); most must be units.

@@ -22,7 +22,7 @@ from rigctl.dataset.importing.groups import (
     open_groups,
 )
 from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
-from rigctl.dataset.importing.layouts import Row, repeats_units
+from rigctl.dataset.importing.layouts import LayoutRow, repeats_units
 from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import (
@@ -188,8 +188,8 @@ def _blank(cell: Any) -> bool:
     return cell is None or (isinstance(cell, str) and not cell.strip())
 
 
-def _row(number: int, cells: Sequence[Any]) -> Row:
-    return Row(number, number, tuple("" if _blank(cell) else str(cell) for cell in cells))
+def _row(number: int, cells: Sequence[Any]) -> LayoutRow:
+    return LayoutRow(number, number, tuple("" if _blank(cell) else str(cell) for cell in cells))
 
 
 def _are_units(cells: Sequence[str]) -> bool:

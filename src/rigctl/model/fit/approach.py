@@ -61,7 +61,7 @@ def approach(
     return starts, record_local
 
 
-def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | None:
+def reset_to_priors(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | None:
     """The unknowns starting at `values`, with those far from their priors reset; None if none is far."""
     priors = [unknown.prior for unknown in shared]
     far = [

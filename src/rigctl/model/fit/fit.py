@@ -25,7 +25,7 @@ from rigctl.engine.least_squares import (
 )
 from rigctl.engine.result_cache import cached
 from rigctl.errors import RigctlError
-from rigctl.model.fit.approach import approach, brought_back
+from rigctl.model.fit.approach import approach, reset_to_priors
 from rigctl.model.fit.errors import ChannelError, channel_errors
 from rigctl.model.fit.input_noise import with_input_noise
 from rigctl.model.fit.problem import Problem
@@ -331,7 +331,7 @@ def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> Lea
     starts, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
     coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
     result = least_squares(problem.evaluate, starts, record_local, options=coarse, progress=plan.progress)
-    back = brought_back(starts, result.values)
+    back = reset_to_priors(starts, result.values)
     if back is not None:
         with suppress(RigctlError):  # the model cannot be simulated there: the first fit is kept
             other = least_squares(

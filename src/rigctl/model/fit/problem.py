@@ -27,8 +27,8 @@ from rigctl.model.fit.recent import ROOM, Evaluated, Recent, point_of
 from rigctl.model.fit.settings import level_of_rows, repeatability
 from rigctl.model.fit.slopes import simulate_soundly
 from rigctl.model.fit.switching import (
-    HABITS,
-    habit_unknowns,
+    LOGGER_DELAYS,
+    logger_delay_unknowns,
     moved_times,
     moves_switches,
     scattered,
@@ -551,8 +551,8 @@ class Problem:
                 switching[one.name] = float(value)
             else:
                 parameters[self._index[one.name]] += value
-        habits = {name: float(parameters[self._index[name]]) for name in HABITS}
-        times = moved_times(record, switching | {name: value for name, value in habits.items() if value})
+        delays = {name: float(parameters[self._index[name]]) for name in LOGGER_DELAYS}
+        times = moved_times(record, switching | {name: value for name, value in delays.items() if value})
         shifts = switch_shifts(record, moving) if moving else None
         sampled, ramps = record.times, record.ramps
         if self._clocks:
@@ -650,7 +650,7 @@ def make_problem(
         shared=(
             *shared_unknowns(model),
             *assumed_unknowns(model),
-            *habit_unknowns(measurements),
+            *logger_delay_unknowns(measurements),
             *settings,
             *unrecorded_unknowns(measurements),
             *(replace(one.unknown, linear=_linear(one, measurements)) for one in measurements.reading_errors),

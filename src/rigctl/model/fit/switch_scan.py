@@ -26,7 +26,7 @@ from rigctl.engine.least_squares import (
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.errors import RigctlError
 from rigctl.model.fit.problem import Problem
-from rigctl.model.fit.switching import HABITS, moves_switches, switch_name, switch_shifts
+from rigctl.model.fit.switching import LOGGER_DELAYS, moves_switches, switch_name, switch_shifts
 
 Floats = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def _refitted(
     ]
     held = least_squares(
         problem.evaluate,
-        [_held(one) if one.name in HABITS else one for one in shared],
+        [_held(one) if one.name in LOGGER_DELAYS else one for one in shared],
         [[_held(one) if moves_switches(one.name) else one for one in each] for each in record_local],
         options=options,
     )
@@ -99,12 +99,12 @@ def scanned_switches(
 ) -> tuple[Floats, tuple[Floats, ...], bool]:
     """The unknowns with each switch time where its record is fitted best; whether any moved.
 
-    A common shift of the times of a kind is first moved to the logger's habit: the times stay, and only the
+    A common shift of the times of a kind is first moved to the logger's delay: the times stay, and only the
     priors change.
 
     Parameters
     ----------
-    shared: (shared) of `problem.shared`; fixed except for the habits.
+    shared: (shared) of `problem.shared`; fixed except for the delays.
     local: the unknowns of each record; all are fixed except the time that is tried.
     """
     best = [np.array(values) for values in local]
@@ -142,12 +142,12 @@ def _shared_out(
     """
     values, record_local = shared.copy(), [np.array(each) for each in local]
     gained = 0.0
-    for column, habit in enumerate(problem.shared):
-        members = _members(problem, habit.name)
-        if not members or habit.prior is None:
+    for column, delay in enumerate(problem.shared):
+        members = _members(problem, delay.name)
+        if not members or delay.prior is None:
             continue
-        weight, pull = 1.0 / habit.prior.std**2, -(values[column] - habit.prior.mean) / habit.prior.std**2
-        low, high = habit.lower - values[column], habit.upper - values[column]
+        weight, pull = 1.0 / delay.prior.std**2, -(values[column] - delay.prior.mean) / delay.prior.std**2
+        low, high = delay.lower - values[column], delay.upper - values[column]
         for record, index, width in members:
             one, d = problem.local[record][index].unknown, record_local[record][index]
             std = one.prior.std if one.prior is not None else width
@@ -162,12 +162,12 @@ def _shared_out(
     return (values, record_local, True) if gained > _BETTER else (shared, list(local), False)
 
 
-def _members(problem: Problem, habit: str) -> list[tuple[int, int, float]]:
-    """Record, index among its unknowns and ∂t/∂w (s) of each switch that `habit` moves; none if switches with
-    different habits share an unknown."""
+def _members(problem: Problem, delay: str) -> list[tuple[int, int, float]]:
+    """Record, index among its unknowns and ∂t/∂w (s) of each switch that `delay` moves; none if switches with
+    different delays share an unknown."""
     members = []
     for number, (record, record_local) in enumerate(zip(problem.records, problem.local, strict=True)):
-        moved = switch_shifts(record, [habit])[:, 0] if habit in HABITS else np.zeros(0)
+        moved = switch_shifts(record, [delay])[:, 0] if delay in LOGGER_DELAYS else np.zeros(0)
         if not moved.any():
             continue
         indices = {one.name: index for index, one in enumerate(record_local)}

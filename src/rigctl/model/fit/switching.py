@@ -1,7 +1,7 @@
 """The times at which commands acted, if a logger recorded them together with its samples.
 
 A command first recorded with sample k was given after sample k − 1: its time is known to within one interval,
-``t = m + 2h·w + d``, m the interval's midpoint, h its half-width. w is the logger's habit, the same for every
+``t = m + 2h·w + d``, m the interval's midpoint, h its half-width. w is the logger's delay, the same for every
 switch of a kind in a campaign: the command acted at the preceding sample, between the two, or at the sample
 with which it is recorded (−½, 0, ½; up to 3/2 if commands are recorded a sample early). Kinds are switches to
 a larger value, to a smaller one and to 0: switches on by a host, for example, and off by a board's clock. d
@@ -10,7 +10,7 @@ both have exact derivatives: see `rigctl.engine.excitation.Excitation.shifts`. A
 one d for all of them, and the rest of each is part of the noise, to first order. Where a time constant is as
 short as the sampling interval that is a poor approximation: if with up to a hundred unknowns the error falls
 to the white floor of the noise, they are unknowns (`MeasuredRecord.separate_switches`), which costs a
-simulation several times as much. Commands that change with most of the samples have one habit, and no d but
+simulation several times as much. Commands that change with most of the samples have one delay, and no d but
 one for all of them (`MeasuredRecord.streamed`).
 
 An actuator whose rig file states a ``jitter`` acts each time at a time of its own, also if commands were
@@ -32,8 +32,8 @@ from rigctl.model.measured.record import UNIFORM, MeasuredRecord, Measurements
 
 Floats = NDArray[np.float64]
 
-#: the logger's habits, unknowns common to all records, in sampling intervals
-HABITS = tuple(qualified(RECORD, name) for name in SWITCHING)
+#: the logger's delays, unknowns common to all records, in sampling intervals
+LOGGER_DELAYS = tuple(qualified(RECORD, name) for name in SWITCHING)
 #: common shift of all switches of one record, s
 ALL = qualified(RECORD, "switches")
 #: largest number of switches with an unknown each, always and if the data ask for it
@@ -52,15 +52,17 @@ def switch_name(k: int) -> str:
 
 def moves_switches(name: str) -> bool:
     """Whether an unknown with this name moves only the times of commands."""
-    return name in HABITS or name == ALL or name.startswith(switch_name(0)[:-1])
+    return name in LOGGER_DELAYS or name == ALL or name.startswith(switch_name(0)[:-1])
 
 
-def habit_unknowns(measurements: Measurements) -> list[Unknown]:
-    """The logger's habits, for the kinds of switches whose times are not exact."""
-    present = {HABITS[kind] for r in measurements.records for kind in r.switch_kinds[r.logged_switches]}
+def logger_delay_unknowns(measurements: Measurements) -> list[Unknown]:
+    """The logger's delays, for the kinds of switches whose times are not exact."""
+    present = {
+        LOGGER_DELAYS[kind] for r in measurements.records for kind in r.switch_kinds[r.logged_switches]
+    }
     return [
         Unknown(name, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * UNIFORM))
-        for name in HABITS
+        for name in LOGGER_DELAYS
         if name in present
     ]
 
@@ -92,8 +94,8 @@ def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
     shifts = np.zeros((record.switch_times.size, len(names)))
     indices = record.rough_switches
     for column, name in enumerate(names):
-        if name in HABITS:
-            of_kind = indices[record.switch_kinds[indices] == HABITS.index(name)]
+        if name in LOGGER_DELAYS:
+            of_kind = indices[record.switch_kinds[indices] == LOGGER_DELAYS.index(name)]
             shifts[of_kind, column] = 2.0 * record.switch_half[of_kind]
         elif name == ALL:
             shifts[record.logged_switches, column] = 1.0

@@ -59,7 +59,7 @@ class Acting:
     spikes: Mapping[str, int]
 
 
-def said_sources(sources: Sequence[InputSource], assumed: Mapping[str, float]) -> list[InputSource]:
+def with_stated_values(sources: Sequence[InputSource], assumed: Mapping[str, float]) -> list[InputSource]:
     """The sources with the user's values of their inputs or actuators, SI, in place of recorded ones."""
     result = []
     for source in sources:

@@ -15,7 +15,7 @@ from rigctl.dataset.run import Record, Run
 from rigctl.errors import RigctlError
 from rigctl.model.inputs import input_sources
 from rigctl.model.measured.assumed import assumed_of
-from rigctl.model.measured.excitation import said_sources, unknown_range
+from rigctl.model.measured.excitation import unknown_range, with_stated_values
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.physics.standard_record import StandardRecord
@@ -108,7 +108,7 @@ def _absent(
     if rig is None:
         values = {item.name: given.get(item.name, item.value) for item in model.family.inputs}
         return values | dict(assumed_of(run)), {}, {*given, *assumed_of(run)}
-    sources = said_sources(input_sources(model.family, rig, given), assumed_of(run))
+    sources = with_stated_values(input_sources(model.family, rig, given), assumed_of(run))
     ranges = {source.input: unknown_range(source, rig) for source in sources}
     usual = {item.name: item.value for item in model.family.inputs}
     return (

@@ -17,8 +17,8 @@ from rigctl.model.measured.excitation import (
     Acting,
     acting,
     actuator_range,
-    said_sources,
     unrecorded_actuators,
+    with_stated_values,
 )
 from rigctl.model.measured.groups import group_numbers
 from rigctl.model.measured.input_notes import acting_notes, steady_inputs, taken_notes
@@ -149,7 +149,7 @@ def _of_run(
     given = {name: value for name, value in model.values.items() if name in _input_names(model)}
     every_source = input_sources(model.family, rig, given)
     units = [_input_unit(source, rig) for source in every_source]
-    sources = said_sources(every_source, assumed_of(run))
+    sources = with_stated_values(every_source, assumed_of(run))
     _require_commands(model, run, rig, sources)
     records = []
     for record in run.each(run.usable):

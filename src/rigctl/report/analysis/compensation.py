@@ -6,7 +6,7 @@ import numpy as np
 
 from rigctl.analysis.decision_levels import INTERVAL
 from rigctl.answers.numbers import symbol
-from rigctl.compensation.result import Row, Schedule
+from rigctl.compensation.result import CompensationRow, Schedule
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
@@ -32,7 +32,7 @@ def compensation_sections(schedule: Schedule) -> list[Section]:
     return [Section("schedule", "A set-point schedule", body, (plot,))]
 
 
-def _row(schedule: Schedule, row: Row) -> dict[str, str]:
+def _row(schedule: Schedule, row: CompensationRow) -> dict[str, str]:
     shown = {"over": show(row.over, schedule.over_unit), "fixed": show(row.fixed, schedule.unit)}
     if not row.reached:
         return shown | {"vary": "out of reach", "kept": "", "scatter": ""}

@@ -16,7 +16,7 @@ from rigctl.answers.numbers import plural, symbol
 from rigctl.dataset.outputs import is_page, require_output
 from rigctl.files.write import write_text
 from rigctl.monitoring.entries import DATE, ORDER
-from rigctl.monitoring.multiplicity import Course
+from rigctl.monitoring.multiplicity import QuantitySeries
 from rigctl.monitoring.result import Survey
 from rigctl.report.page import page
 from rigctl.report.plot import Look, Mark, Panel, Plot, Trace
@@ -88,7 +88,7 @@ def _places(survey: Survey) -> tuple[NDArray[np.float64], str]:
     )
 
 
-def _plot(survey: Survey, course: Course, number: int) -> Plot:
+def _plot(survey: Survey, course: QuantitySeries, number: int) -> Plot:
     """The values of one quantity with their 95 % intervals, and where the change was first significant."""
     quantity = course.quantity
     unit = parse_unit(quantity.unit)
@@ -166,7 +166,7 @@ def _test(survey: Survey, number: int) -> dict[str, str]:
     }
 
 
-def _runs(survey: Survey, courses: tuple[Course, ...]) -> Markup:
+def _runs(survey: Survey, courses: tuple[QuantitySeries, ...]) -> Markup:
     lines, left_out = cut(survey.lines)
     return render(
         "survey_runs.html",

@@ -16,7 +16,7 @@ _LEFT_TO_THE_FILES = ("step", "command", "record", "measure", "session", "run", 
 
 
 @dataclass(frozen=True)
-class Row:
+class EventRow:
     """One event as it is shown."""
 
     run: str
@@ -46,8 +46,8 @@ def build(runs: Sequence[RunData]) -> Section:
     return Section("events", "Events", body, folded=not count, hint=hint)
 
 
-def _row(run: RunData, event: EventEntry) -> Row:
-    return Row(
+def _row(run: RunData, event: EventEntry) -> EventRow:
+    return EventRow(
         run=run.id,
         seconds=f"{number(event.time, 7)} s",
         after=duration(event.time),

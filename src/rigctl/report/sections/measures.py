@@ -12,7 +12,7 @@ from rigctl.report.signals import plain_name, record_label
 
 
 @dataclass(frozen=True)
-class Row:
+class MeasureRow:
     """One value: `place` is its position between its limits, from 0 to 1, if it has both."""
 
     run: str
@@ -37,10 +37,10 @@ def build(runs: Sequence[RunData]) -> Section | None:
     return Section("measures", "Measured values", body, folded=not missed, hint=hint)
 
 
-def _rows(run: RunData) -> list[Row]:
+def _rows(run: RunData) -> list[MeasureRow]:
     labels = {record.index: record_label(record) for record in run.records}
     return [
-        Row(
+        MeasureRow(
             run=run.id,
             record=labels.get(measured.record, "whole run"),
             name=plain_name(measured.name),

@@ -21,7 +21,7 @@ _MOST_POINTS, _FEWEST_POINTS = 2000, 24
 
 
 @dataclass(frozen=True)
-class Row:
+class RecordRow:
     """A record in the table; `key` names its plot."""
 
     key: str
@@ -45,7 +45,7 @@ class RunRecords:
     key: str
     sweep_heads: tuple[str, ...]
     stroke_head: str | None
-    rows: tuple[Row, ...]
+    rows: tuple[RecordRow, ...]
     left_out: int
     template: Markup
     contents: tuple[tuple[str, Markup], ...]
@@ -110,9 +110,9 @@ def _head(name: str, unit: str) -> str:
     return f"{plain_name(name)} [{symbol(unit)}]" if symbol(unit) else plain_name(name)
 
 
-def _row(key: str, record: RecordData, sweeps: Sequence[str], distance: str) -> Row:
+def _row(key: str, record: RecordData, sweeps: Sequence[str], distance: str) -> RecordRow:
     values = [record.sweep.get(name) for name in sweeps]
-    return Row(
+    return RecordRow(
         key=key,
         label=record_label(record),
         index=record.index,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
 from rigctl.learning.ending import LearningEnd
-from rigctl.learning.keep import STAMP, Kept, Task
+from rigctl.learning.learning_folder import STAMP, LearningFolder, Task
 from rigctl.learning.result import Learned, PredictedRound, Round, RoundOutcome
 
 NAMES = st.sampled_from(["leak", "drift", "coulomb_friction", "none"])
@@ -83,35 +83,35 @@ def test_the_state_of_an_earlier_version_is_read() -> None:
 
 
 def test_adequate_learning_can_be_resumed_for_a_higher_precision(tmp_path: Path) -> None:
-    kept = Kept.create(tmp_path, TASK, "stroke")
+    kept = LearningFolder.create(tmp_path, TASK, "stroke")
     kept.close(Learned((), LearningEnd.ADEQUATE, "m.yaml", 1, 0.0, "why"))
-    Kept.find(tmp_path).reopen(precision=0.1)
-    assert Kept.find(tmp_path).task.precision == 0.1
+    LearningFolder.find(tmp_path).reopen(precision=0.1)
+    assert LearningFolder.find(tmp_path).task.precision == 0.1
 
 
 def test_the_stored_state_is_found_again(tmp_path: Path) -> None:
-    kept = Kept.create(tmp_path, TASK, "Stroke campaign")
+    kept = LearningFolder.create(tmp_path, TASK, "Stroke campaign")
     kept.begin(Round(1, "campaign.yaml", answer="yes"))
     proposal = kept.begin(Round(2, ""), "procedure: next\n")
     assert Path(proposal.procedure).read_text() == "procedure: next\n"
-    again = Kept.find(tmp_path)
+    again = LearningFolder.find(tmp_path)
     assert again.task == TASK
     assert again.rounds == kept.rounds
     assert again.folder == kept.folder
 
 
 def test_two_sessions_begun_in_the_same_second_have_separate_folders(tmp_path: Path) -> None:
-    first, second = (Kept.create(tmp_path, TASK, "stroke") for _ in range(2))
+    first, second = (LearningFolder.create(tmp_path, TASK, "stroke") for _ in range(2))
     assert first.folder != second.folder
 
 
 def test_a_full_name_finds_its_folder_although_another_name_starts_with_it(tmp_path: Path) -> None:
-    first, second = (Kept.create(tmp_path, TASK, name) for name in ("stroke", "other"))
+    first, second = (LearningFolder.create(tmp_path, TASK, name) for name in ("stroke", "other"))
     longer = second.folder.rename(first.folder.with_name(f"{first.folder.name}-2"))
     for folder in (first.folder, longer):
-        assert Kept.find(tmp_path, folder.name).folder == folder
+        assert LearningFolder.find(tmp_path, folder.name).folder == folder
     with pytest.raises(RigctlError, match="several sessions start like this"):
-        Kept.find(tmp_path, first.folder.name[:-1])
+        LearningFolder.find(tmp_path, first.folder.name[:-1])
 
 
 def test_a_session_is_discarded_only_if_nothing_has_happened(
@@ -119,15 +119,19 @@ def test_a_session_is_discarded_only_if_nothing_has_happened(
 ) -> None:
     """With `--run` the model had a new version by then, or a run had begun that only the session resumes."""
     version, runs = TASK.version, ["20200101-000000-earlier"]
-    monkeypatch.setattr("rigctl.learning.keep.current_version", lambda _: SimpleNamespace(number=version))
-    monkeypatch.setattr("rigctl.learning.keep.list_runs", lambda _: [SimpleNamespace(id=one) for one in runs])
-    kept = Kept.create(tmp_path, TASK, "stroke")
+    monkeypatch.setattr(
+        "rigctl.learning.learning_folder.current_version", lambda _: SimpleNamespace(number=version)
+    )
+    monkeypatch.setattr(
+        "rigctl.learning.learning_folder.list_runs", lambda _: [SimpleNamespace(id=one) for one in runs]
+    )
+    kept = LearningFolder.create(tmp_path, TASK, "stroke")
     version += 1
     kept.discard_if_nothing_was_learned(tmp_path)
     version -= 1
     runs.append(f"{kept.folder.name[:STAMP]}-begun")
     kept.discard_if_nothing_was_learned(tmp_path)
-    assert Kept.find(tmp_path).folder == kept.folder
+    assert LearningFolder.find(tmp_path).folder == kept.folder
     runs.pop()
     kept.discard_if_nothing_was_learned(tmp_path)
     assert not (tmp_path / "learning").exists()
@@ -136,13 +140,13 @@ def test_a_session_is_discarded_only_if_nothing_has_happened(
 
 @pytest.mark.parametrize("ended", list(LearningEnd))
 def test_only_learning_that_more_rounds_could_change_is_resumed(tmp_path: Path, ended: LearningEnd) -> None:
-    kept = Kept.create(tmp_path, TASK, "stroke")
+    kept = LearningFolder.create(tmp_path, TASK, "stroke")
     kept.close(Learned((), ended, "m.yaml", 1, 0.0, "why"))
-    again = Kept.find(tmp_path)
+    again = LearningFolder.find(tmp_path)
     if ended in (LearningEnd.DECLINED, LearningEnd.BUDGET, LearningEnd.ROUNDS, LearningEnd.STOPPED):
         again.reopen(rounds=9)
-        assert Kept.find(tmp_path).task.rounds == 9
-        assert Kept.find(tmp_path).learned is None
+        assert LearningFolder.find(tmp_path).task.rounds == 9
+        assert LearningFolder.find(tmp_path).learned is None
     else:
         with pytest.raises(RigctlError, match="this learning session has ended"):
             again.reopen()
@@ -150,7 +154,7 @@ def test_only_learning_that_more_rounds_could_change_is_resumed(tmp_path: Path, 
 
 def test_resuming_without_stored_state_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="there is nothing to continue"):
-        Kept.find(tmp_path)
+        LearningFolder.find(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"version": 2}', '{"version": 1, "rounds": []}', "[]"])
@@ -159,4 +163,4 @@ def test_a_damaged_state_file_is_reported(tmp_path: Path, text: str) -> None:
     folder.mkdir(parents=True)
     (folder / "learning.json").write_text(text)
     with pytest.raises(RigctlError, match="the learning session cannot be read"):
-        Kept.find(tmp_path)
+        LearningFolder.find(tmp_path)

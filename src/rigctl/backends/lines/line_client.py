@@ -40,7 +40,7 @@ class DeviceRestarted(PortLost):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class LineReply:
     """The fields of an answer, and the interval in which the device received the command, s."""
 
     found: Mapping[str, str]
@@ -48,7 +48,7 @@ class Answer:
     received: float
 
 
-class Talk:
+class LineClient:
     """One open port to a line-based device.
 
     Attributes
@@ -100,7 +100,7 @@ class Talk:
             self._identities_due += 1
         self.port.write(text.encode("utf-8") + self._send_ends)
 
-    def ask(self, exchange: Exchange, *, tries: int | None = None) -> Answer:
+    def ask(self, exchange: Exchange, *, tries: int | None = None) -> LineReply:
         """Send a command and wait for the expected answer; raises as `asking`."""
         return carry_through(self.asking(exchange, tries=tries), self.take)
 
@@ -113,7 +113,7 @@ class Talk:
         timeout: float = 0.0,
         fits: Callable[[Mapping[str, str]], bool] = lambda found: True,
         anyway: bool = False,
-    ) -> Conversation[Answer]:
+    ) -> Conversation[LineReply]:
         """Send a command and read the expected answer.
 
         Parameters
@@ -148,7 +148,7 @@ class Talk:
             self.send(command)
             if not exchange.patterns:
                 self._in_step = True
-                return Answer({}, sent, self._clock.now())
+                return LineReply({}, sent, self._clock.now())
             deadline = sent + (timeout or self._lines.timeout)
             found, wrong = yield from self._read_answer(exchange, command, deadline)
             if found is not None and fits(found):
@@ -157,7 +157,7 @@ class Talk:
                 self._took.append(self.last_answer - sent)
                 if exchange != self._lines.identify:  # answers come in order: none is due from before
                     self._identities_due = 0
-                return Answer(found, sent, self._clock.now())
+                return LineReply(found, sent, self._clock.now())
             if found is not None:
                 wrong = self._misfit(" / ".join(found.values()))
         if wrong:

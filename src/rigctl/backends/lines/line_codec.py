@@ -14,7 +14,7 @@ from rigctl.units import parse_unit
 _NO_NUMBER = 9.9e37
 
 
-class Meaning:
+class LineCodec:
     """Conversion of the rig's channels and actuators to and from the lines of a device."""
 
     def __init__(self, rig: Rig, lines: Lines) -> None:

@@ -71,7 +71,7 @@ class Task:
 
 
 @dataclass
-class Kept:
+class LearningFolder:
     """A folder with the task, its rounds so far and the procedures that were designed.
 
     Attributes
@@ -86,7 +86,7 @@ class Kept:
     learned: Mapping[str, Any] | None = None
 
     @classmethod
-    def create(cls, project: Path, task: Task, name: str) -> Kept:
+    def create(cls, project: Path, task: Task, name: str) -> LearningFolder:
         """A new folder for a task; no existing folder is changed.
 
         Raises
@@ -107,7 +107,7 @@ class Kept:
         return record
 
     @classmethod
-    def find(cls, project: Path, wanted: str = "") -> Kept:
+    def find(cls, project: Path, wanted: str = "") -> LearningFolder:
         """The folder with this name, or the latest one.
 
         Raises
@@ -136,7 +136,7 @@ class Kept:
         )
 
     @classmethod
-    def _read(cls, folder: Path) -> Kept:
+    def _read(cls, folder: Path) -> LearningFolder:
         path = folder / _STATE
         try:
             document = parse_json(read_text(path))
