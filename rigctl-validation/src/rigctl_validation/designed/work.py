@@ -17,8 +17,8 @@ from rigctl.design.result import DesignResult
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import switched_off
 from rigctl.files.shipped import shipped
-from rigctl.learning.learning_folder import LearningFolder, Task
 from rigctl.learning.learn import Learner
+from rigctl.learning.learning_folder import LearningFolder, Task
 from rigctl.learning.result import Learned, Round
 from rigctl.model import Model
 from rigctl_validation.designed.trial import PRESSURES, TEMPERATURES, DesignTrial
