@@ -25,7 +25,7 @@ def attempt(exponent: float, drag: float, noise: float, seed: int) -> tuple[list
     """A row of the table, and the error of the exponent in its standard deviations."""
     import rigctl
     from rigctl.analysis.laws.posterior import estimated_laws
-    from rigctl.analysis.search import Search
+    from rigctl.analysis.search.search import Search
     from rigctl.dataset.importing import import_file
     from rigctl.rig import load_rig
 

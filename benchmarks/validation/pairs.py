@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import get_args
 
 from benchmarks.validation.page import FOLDER
-from rigctl.analysis.refitted_sets import RefittedSets
+from rigctl.analysis.search.refitted_sets import RefittedSets
 from rigctl_validation.outcome import Trial, TrialOutcome
 from rigctl_validation.scenario import Scenario
 from rigctl_validation.store import every_outcome

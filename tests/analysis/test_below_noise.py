@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from made_fit import made_fit, made_noise
-from rigctl.analysis.adequacy import Adequacy, Test
-from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.agreement.adequacy import Adequacy, Test
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.improve import Improvement, ImprovementEnd, _plan, _why
-from rigctl.analysis.judgement import verdict_on
-from rigctl.analysis.ranking import _factor, _ranked, _score_beside
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.remainder import Remainder
-from rigctl.analysis.score_test import Score
-from rigctl.analysis.search import Search
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.linear.score_test import Score
+from rigctl.analysis.search.judgement import verdict_on
+from rigctl.analysis.search.ranking import _factor, _ranked, _score_beside
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.remainder import Remainder
+from rigctl.analysis.search.search import Search
 from rigctl.analysis.text import against_identity, verdict_text
 from rigctl.effects.registry import library
 from rigctl.files.shipped import shipped

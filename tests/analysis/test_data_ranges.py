@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigctl.analysis.candidates import data_ranges
+from rigctl.analysis.linear.candidates import data_ranges
 from rigctl.effects.registry import library
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.physics.user import parse_family

@@ -24,14 +24,14 @@ from linear_problem import (
     made_parameter,
     random_gram,
 )
-from rigctl.analysis.adequacy import adequacy
+from rigctl.analysis.agreement.adequacy import adequacy
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, SEEN_IN_LIBRARY
-from rigctl.analysis.linearisation import Linearisation
-from rigctl.analysis.nuisance_projection import Projected, project
-from rigctl.analysis.power import hidden_at_typical_size
-from rigctl.analysis.score_test import null_of_best, screen
-from rigctl.analysis.separability import cosine
+from rigctl.analysis.linear.linearisation import Linearisation
+from rigctl.analysis.linear.nuisance_projection import Projected, project
+from rigctl.analysis.linear.power import hidden_at_typical_size
+from rigctl.analysis.linear.score_test import null_of_best, screen
+from rigctl.analysis.linear.separability import cosine
 from rigctl.effects.record_level import RECORD
 
 Floats = NDArray[np.float64]

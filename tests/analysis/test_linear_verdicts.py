@@ -31,8 +31,8 @@ from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.analysis.diagnosis import diagnose, diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.improve import Improvement, ImprovementEnd, improve
-from rigctl.analysis.pair_gains import pair_gains
-from rigctl.analysis.search import Search
+from rigctl.analysis.linear.pair_gains import pair_gains
+from rigctl.analysis.search.search import Search
 from rigctl.answers.evidence import sentence
 from rigctl.errors import RigctlError
 from rigctl.model.load import load_model

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from commands import answer, told
+from rigctl.analysis.agreement.undecided import what_decides
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.undecided import what_decides
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
 from rigctl.errors import RigctlError

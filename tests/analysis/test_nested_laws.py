@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigctl.analysis.identity import levels_of
 from rigctl.analysis.laws.simpler_law import simpler_laws
-from rigctl.analysis.rivals import nested_at
+from rigctl.analysis.search.identity import levels_of
+from rigctl.analysis.search.rivals import nested_at
 from rigctl.effects.equations import terms_in_symbols
 from rigctl.effects.registry import find_effect
 from rigctl.engine.least_squares import Unknown

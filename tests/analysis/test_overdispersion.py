@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from made_fit import made_fit, made_noise
-from rigctl.analysis.adequacy import Adequacy, Test, error_below, variance_factor
+from rigctl.analysis.agreement.adequacy import Adequacy, Test, error_below, variance_factor
 from rigctl.analysis.decision_levels import BELOW_NOISE
-from rigctl.analysis.nuisance_projection import _guessed_degrees
+from rigctl.analysis.linear.nuisance_projection import _guessed_degrees
 from rigctl.noise import NoiseModel, Source
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigctl.analysis import slot_evidence as module
-from rigctl.analysis.candidates import candidates
-from rigctl.analysis.linearisation import Linearisation, linearise
-from rigctl.analysis.slopes import KnownSlopes, Slopes
-from rigctl.analysis.slot_evidence import slot_evidence
+from rigctl.analysis.agreement import slot_evidence as module
+from rigctl.analysis.agreement.slot_evidence import slot_evidence
+from rigctl.analysis.linear.candidates import candidates
+from rigctl.analysis.linear.linearisation import Linearisation, linearise
+from rigctl.analysis.linear.slopes import KnownSlopes, Slopes
 from rigctl.engine.least_squares import Refused, started
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult, fit

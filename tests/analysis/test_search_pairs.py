@@ -8,11 +8,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.linearisation import Linearisation, RecordTriangle
-from rigctl.analysis.nuisance_projection import project
-from rigctl.analysis.pair_gains import pair_gains
-from rigctl.analysis.regions import Regions
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.linear.linearisation import Linearisation, RecordTriangle
+from rigctl.analysis.linear.nuisance_projection import project
+from rigctl.analysis.linear.pair_gains import pair_gains
+from rigctl.analysis.linear.regions import Regions
 from rigctl.effects.registry import library
 from rigctl.physics.families import find_family
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigctl.analysis import slopes as module
-from rigctl.analysis.candidates import Candidate, candidates
-from rigctl.analysis.slopes import slopes_at
+from rigctl.analysis.linear import slopes as module
+from rigctl.analysis.linear.candidates import Candidate, candidates
+from rigctl.analysis.linear.slopes import slopes_at
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache.cached import switched_off
 from rigctl.model.fit import problem as fit_problem

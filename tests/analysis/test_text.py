@@ -13,11 +13,11 @@ import pytest
 
 from rigctl.analysis.collected_evidence import drift_evidence, evidence_for
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.remainder import Remainder
-from rigctl.analysis.rivals import Differs, Rival, where_they_differ
+from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.remainder import Remainder
+from rigctl.analysis.search.rivals import Differs, Rival, where_they_differ
 from rigctl.analysis.text import (
     against_identity,
     effect_text,

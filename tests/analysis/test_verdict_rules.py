@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from linear_problem import PLAIN, compared, made_design, made_effect
-from rigctl.analysis import judgement
-from rigctl.analysis.adequacy import Adequacy, Test, chi2_test
+from rigctl.analysis.agreement.adequacy import Adequacy, Test, chi2_test
 from rigctl.analysis.collected_evidence import evidence_for
-from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Ranked, Verdict
 from rigctl.analysis.evidence import Evidence
-from rigctl.analysis.identity import (
+from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.search import judgement
+from rigctl.analysis.search.identity import (
     Levels,
     certain_members,
     levels_of,
@@ -25,10 +25,10 @@ from rigctl.analysis.identity import (
     same_cause,
     wanted_elsewhere,
 )
-from rigctl.analysis.judgement import Judgement, _sure_members, verdict_on
-from rigctl.analysis.remainder import Remainder
-from rigctl.analysis.rivals import Rival
-from rigctl.analysis.search import Search
+from rigctl.analysis.search.judgement import Judgement, _sure_members, verdict_on
+from rigctl.analysis.search.remainder import Remainder
+from rigctl.analysis.search.rivals import Rival
+from rigctl.analysis.search.search import Search
 from rigctl.answers import evidence as in_words
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import library

@@ -12,7 +12,7 @@ import pytest
 from commands import create_project, told
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Verdict
 from rigctl.analysis.evidence import Evidence
-from rigctl.analysis.identity import Levels
+from rigctl.analysis.search.identity import Levels
 from rigctl.answers.blocks import Answer
 from rigctl.answers.diagnosis import _certain, _fits, _weighed, sentence_of
 from rigctl.answers.improvement import _not_distinguished

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from rigctl.analysis.chi_square import chi2_tail
+from rigctl.analysis.linear.chi_square import chi2_tail
 from rigctl.discovery.chance import draw_chance, log_tail
 from rigctl.discovery.dimensions import tier_of
 from rigctl.discovery.effect_file import effect_of, scale_parameters

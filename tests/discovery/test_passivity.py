@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigctl.analysis.shape_tolerance import courses
+from rigctl.analysis.linear.shape_tolerance import courses
 from rigctl.discovery.formulas import Factor, Formula
 from rigctl.discovery.grammar import argument, forms
 from rigctl.discovery.passivity import passivity

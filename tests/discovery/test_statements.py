@@ -9,8 +9,8 @@ from typing import Any, cast
 
 import pytest
 
-from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.analysis.linear.cross_validation import CrossValidation
 from rigctl.cli.commands.discover import _lead_on
 from rigctl.cli.views.discover import _written
 from rigctl.command_line import DataOptions

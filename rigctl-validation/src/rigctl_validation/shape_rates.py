@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 from rigctl.analysis.decision_levels import LEAST_SEPARATION, SHAPE_TOLERANCE
-from rigctl.analysis.identity import same_cause
+from rigctl.analysis.search.identity import same_cause
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
 from rigctl_validation.amplitude import CLOSE

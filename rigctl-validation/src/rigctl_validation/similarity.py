@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
-from rigctl.analysis.detectability import Unexplained
-from rigctl.analysis.linearised_set import LinearisedSet
-from rigctl.analysis.refit import RefittedSet, plain, refit
-from rigctl.analysis.separability import separation
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.linear.detectability import Unexplained
+from rigctl.analysis.linear.separability import separation
+from rigctl.analysis.search.linearised_set import LinearisedSet
+from rigctl.analysis.search.refit import RefittedSet, plain, refit
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 

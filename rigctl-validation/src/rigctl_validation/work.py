@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison import judge
-from rigctl.analysis.detectability import Unexplained, unexplained
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import fit_model
-from rigctl.analysis.identity import Levels
 from rigctl.analysis.laws.power_law import EXPONENT
-from rigctl.analysis.linearisation import linearise
+from rigctl.analysis.linear.detectability import Unexplained, unexplained
+from rigctl.analysis.linear.linearisation import linearise
+from rigctl.analysis.search.identity import Levels
 from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import switched_off

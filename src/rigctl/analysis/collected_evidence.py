@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.decision_levels import ALIKE, ALPHA, LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.analysis.diagnosis_result import Drift, Ranked
 from rigctl.analysis.evidence import Evidence
-from rigctl.analysis.judgement import Judgement
-from rigctl.analysis.power import hidden_at_typical_size
-from rigctl.analysis.rivals import Rival, each_once
+from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.linear.power import hidden_at_typical_size
+from rigctl.analysis.search.judgement import Judgement
+from rigctl.analysis.search.rivals import Rival, each_once
 from rigctl.units import parse_unit
 
 #: an effect counts as hidden in a parameter if less than this share of its signature is left

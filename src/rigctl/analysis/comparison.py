@@ -6,8 +6,8 @@ from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-from rigctl.analysis.adequacy import adequacy
-from rigctl.analysis.candidates import candidates, data_ranges, require_known
+from rigctl.analysis.agreement.adequacy import adequacy
+from rigctl.analysis.agreement.located_error import LocatedError
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.decision_levels import BELOW_NOISE
 from rigctl.analysis.fitting import (
@@ -20,11 +20,11 @@ from rigctl.analysis.fitting import (
     noise_in,
     read_runs,
 )
-from rigctl.analysis.linearisation import linearise
-from rigctl.analysis.located_error import LocatedError
-from rigctl.analysis.nuisance_projection import project
-from rigctl.analysis.score_test import screen
-from rigctl.analysis.slopes import KnownSlopes
+from rigctl.analysis.linear.candidates import candidates, data_ranges, require_known
+from rigctl.analysis.linear.linearisation import linearise
+from rigctl.analysis.linear.nuisance_projection import project
+from rigctl.analysis.linear.score_test import screen
+from rigctl.analysis.linear.slopes import KnownSlopes
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread

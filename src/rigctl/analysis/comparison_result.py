@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from rigctl.analysis.adequacy import Adequacy, chance_text
-from rigctl.analysis.linearisation import Linearisation
-from rigctl.analysis.localisation import CellMap, Place
-from rigctl.analysis.located_error import LocatedError
-from rigctl.analysis.nuisance_projection import Projected
-from rigctl.analysis.record_level import RecordQuantity
-from rigctl.analysis.score_test import Screening
-from rigctl.analysis.sensors import SensorBudget, documents
+from rigctl.analysis.agreement.adequacy import Adequacy, chance_text
+from rigctl.analysis.agreement.localisation import CellMap, Place
+from rigctl.analysis.agreement.located_error import LocatedError
+from rigctl.analysis.agreement.record_level import RecordQuantity
+from rigctl.analysis.agreement.sensors import SensorBudget, documents
+from rigctl.analysis.agreement.slot_evidence import SlotEvidence
+from rigctl.analysis.agreement.trends import Trend
+from rigctl.analysis.agreement.uncertainty_budget import uncertainty_budgets
+from rigctl.analysis.agreement.undecided import what_decides
+from rigctl.analysis.linear.linearisation import Linearisation
+from rigctl.analysis.linear.nuisance_projection import Projected
+from rigctl.analysis.linear.score_test import Screening
+from rigctl.analysis.linear.slopes import KnownSlopes
 from rigctl.analysis.single_values.rows import TableRow
-from rigctl.analysis.slopes import KnownSlopes
-from rigctl.analysis.slot_evidence import SlotEvidence
-from rigctl.analysis.trends import Trend
-from rigctl.analysis.uncertainty_budget import uncertainty_budgets
-from rigctl.analysis.undecided import what_decides
 from rigctl.json_values import finite_or_none
 from rigctl.model.curve_bands import CurveBand
 from rigctl.model.fit.assumptions import conditional_document, conditional_numbers

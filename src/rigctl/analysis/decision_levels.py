@@ -5,8 +5,8 @@ something is computed (tolerances of a fit, sizes of a grid) are defined where i
 follow from `ALPHA`, and sentences are formatted from these numbers.
 
 χ² is the sum of squares of the whitened residuals. An effect *explains* the increase of χ² without it; "mBIC"
-is `rigctl.analysis.mbic.mbic`. "Within the shape tolerance" means with a discrepancy of the law, of standard
-deviation `SHAPE_TOLERANCE`, integrated out (`rigctl.analysis.shape_tolerance`).
+is `rigctl.analysis.linear.mbic.mbic`. "Within the shape tolerance" means with a discrepancy of the law, of
+standard deviation `SHAPE_TOLERANCE`, integrated out (`rigctl.analysis.linear.shape_tolerance`).
 """
 
 from __future__ import annotations

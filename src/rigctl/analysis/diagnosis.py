@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.agreement.adequacy import chance_text
+from rigctl.analysis.agreement.undecided import unproven_text, what_decides
+from rigctl.analysis.agreement.untestable import untestable
 from rigctl.analysis.beyond_bounds import agreeing_beyond, beyond_text, wider_bounds_text
-from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.collected_evidence import collected_evidence, drift_evidence
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
@@ -16,21 +17,20 @@ from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
-from rigctl.analysis.judgement import Judgement, agrees_within_tolerance, judge_set
 from rigctl.analysis.laws.answer import LawAnswer, laws_instead
-from rigctl.analysis.ranking import most_visible, ranking_of
-from rigctl.analysis.refit import RefittedSet, plain
-from rigctl.analysis.remainder import share_text
-from rigctl.analysis.repeated_fit import from_another_start, in_scale_of
-from rigctl.analysis.search import Search, require_number_of_effects
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.search.judgement import Judgement, agrees_within_tolerance, judge_set
+from rigctl.analysis.search.ranking import most_visible, ranking_of
+from rigctl.analysis.search.refit import RefittedSet, plain
+from rigctl.analysis.search.remainder import share_text
+from rigctl.analysis.search.repeated_fit import from_another_start, in_scale_of
+from rigctl.analysis.search.search import Search, require_number_of_effects
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import (
     Statement,
     verdict_text,
     whether_at_all,
 )
-from rigctl.analysis.undecided import unproven_text, what_decides
-from rigctl.analysis.untestable import untestable
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread

@@ -9,15 +9,15 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from rigctl.analysis.agreement.sensors import SensorBudget, sensor_budget
+from rigctl.analysis.agreement.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.comparison_result import ModelComparison, offset_of_clock
 from rigctl.analysis.evidence import Evidence
-from rigctl.analysis.identity import Levels, certain_members
 from rigctl.analysis.laws.answer import LawAnswer
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.remainder import Remainder
-from rigctl.analysis.sensors import SensorBudget, sensor_budget
-from rigctl.analysis.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
+from rigctl.analysis.search.identity import Levels, certain_members
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.remainder import Remainder
 from rigctl.effects.declaration import EffectParameter
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.assumptions import Conditional, conditional_document

@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
+from rigctl.analysis.agreement.error_course import error_course
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
-from rigctl.analysis.error_course import error_course
 from rigctl.analysis.fitting import OnProgress, fit_model, no_progress
 from rigctl.analysis.held_out_group import MOST_VARIABLES, HeldOutGroup, held_out_sentences
 from rigctl.analysis.remedies import remedies

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from rigctl.analysis.agreement.error_course import Stretch, course_text
 from rigctl.analysis.comparison_result import in_unit
-from rigctl.analysis.error_course import Stretch, course_text
 from rigctl.analysis.remedies import Remedy, still_missing
 from rigctl.model.fit.errors import ChannelError, whitened_residual
 from rigctl.model.fit.fit import FitResult

@@ -9,8 +9,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rigctl.analysis.block_validation import leave_blocks_out
-from rigctl.analysis.candidates import Candidate, require_known
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.diagnosis import diagnose_comparison
@@ -18,11 +16,13 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
 from rigctl.analysis.held_out import unseen
 from rigctl.analysis.held_out_group import HeldOutGroup
-from rigctl.analysis.own_scale import not_a_sensor
-from rigctl.analysis.ranking import found_parameters
-from rigctl.analysis.refit import RefittedSet, refit
-from rigctl.analysis.refitted_sets import RefittedSets
-from rigctl.analysis.search import require_number_of_effects
+from rigctl.analysis.linear.block_validation import leave_blocks_out
+from rigctl.analysis.linear.candidates import Candidate, require_known
+from rigctl.analysis.search.own_scale import not_a_sensor
+from rigctl.analysis.search.ranking import found_parameters
+from rigctl.analysis.search.refit import RefittedSet, refit
+from rigctl.analysis.search.refitted_sets import RefittedSets
+from rigctl.analysis.search.search import require_number_of_effects
 from rigctl.analysis.text import effect_text
 from rigctl.argument_types import checks_argument_types
 from rigctl.model.fit.fit import FitResult

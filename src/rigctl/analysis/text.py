@@ -6,10 +6,9 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from rigctl.analysis.adequacy import error_below
-from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.agreement.adequacy import error_below
+from rigctl.analysis.agreement.undecided import undecided_text
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.decision_levels import (
     ALIKE,
     BELOW_NOISE,
@@ -18,11 +17,12 @@ from rigctl.analysis.decision_levels import (
     SHAPE_TOLERANCE,
 )
 from rigctl.analysis.diagnosis_result import FoundParameter, Ranked, Verdict
-from rigctl.analysis.identity import only_constants, wanted_elsewhere
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.remainder import Remainder, share_text, strength
-from rigctl.analysis.rivals import Rival, each_once
-from rigctl.analysis.undecided import undecided_text
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.search.identity import only_constants, wanted_elsewhere
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.remainder import Remainder, share_text, strength
+from rigctl.analysis.search.rivals import Rival, each_once
 from rigctl.effects.declaration import Effect
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigctl.analysis.uncertainty_budget import READINGS, UncertaintyBudget
+from rigctl.analysis.agreement.uncertainty_budget import READINGS, UncertaintyBudget
 from rigctl.answers.blocks import Bar, Bars
 from rigctl.units import show
 

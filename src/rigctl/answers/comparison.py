@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from rigctl.analysis.adequacy import chance
+from rigctl.analysis.agreement.adequacy import chance
+from rigctl.analysis.agreement.localisation import Place
+from rigctl.analysis.agreement.slot_evidence import SlotEvidence
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, SLOT_SEPARABLE
 from rigctl.analysis.fmu_rival import FmuRival
-from rigctl.analysis.localisation import Place
-from rigctl.analysis.slot_evidence import SlotEvidence
 from rigctl.answers.blocks import (
     Answer,
     Bar,

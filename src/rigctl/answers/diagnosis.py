@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.adequacy import chance, chance_text
+from rigctl.analysis.agreement.adequacy import chance, chance_text
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.laws.answer import LawAnswer
-from rigctl.analysis.remainder import share_text, strength
+from rigctl.analysis.search.remainder import share_text, strength
 from rigctl.analysis.text import in_words, parameters_text
 from rigctl.answers.blocks import (
     Answer,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from rigctl.analysis.agreement.sensors import documents
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import Improvement
-from rigctl.analysis.sensors import documents
 from rigctl.answers.evidence import sentence
 from rigctl.json_values import finite_or_none
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.answers.numbers import plural
 from rigctl.answers.systematic import ChannelFall

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Literal
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, LEAST_SEPARATION, ODDS, TOLERANCE
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.evidence import Evidence, Quantity
-from rigctl.analysis.identity import Levels
-from rigctl.analysis.remainder import share_text
-from rigctl.analysis.rivals import Differs, Rival
+from rigctl.analysis.search.identity import Levels
+from rigctl.analysis.search.remainder import share_text
+from rigctl.analysis.search.rivals import Differs, Rival
 from rigctl.analysis.text import largest_difference
 from rigctl.answers.blocks import Point
 from rigctl.effects.record_level import RECORD

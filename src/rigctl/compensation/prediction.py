@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.refit import plain
+from rigctl.analysis.search.refit import plain
 from rigctl.compensation.levers import Lever
 from rigctl.compensation.measured import TakenMeasure
 from rigctl.design.recipe import Recipe, Stage

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.fitting import OnProgress, no_progress

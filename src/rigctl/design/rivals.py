@@ -10,13 +10,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.candidates import Candidate, candidates, data_ranges
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ODDS
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Verdict
-from rigctl.analysis.mbic import effective_samples
-from rigctl.analysis.power import hidden_at_typical_size
-from rigctl.analysis.refit import RefittedSet, plain, refit
+from rigctl.analysis.linear.candidates import Candidate, candidates, data_ranges
+from rigctl.analysis.linear.mbic import effective_samples
+from rigctl.analysis.linear.power import hidden_at_typical_size
+from rigctl.analysis.search.refit import RefittedSet, plain, refit
 from rigctl.design.refusals import NothingLeft
 from rigctl.design.result import NONE, Aim, DesignRival
 from rigctl.engine.least_squares import Unknown

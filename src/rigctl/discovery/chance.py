@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigctl.analysis.nuisance_projection import HIDDEN, Projected
+from rigctl.analysis.linear.nuisance_projection import HIDDEN, Projected
 
 Floats = NDArray[np.float64]
 

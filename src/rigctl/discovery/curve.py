@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import INTERVAL
-from rigctl.analysis.shape_tolerance import prior_root
+from rigctl.analysis.linear.shape_tolerance import prior_root
 from rigctl.discovery.effect_file import factor_text
 from rigctl.discovery.formulas import FINE_PRODUCT, Factor, Formula, following, points_over
 from rigctl.discovery.locate import Located

@@ -7,16 +7,16 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from rigctl.analysis.adequacy import Adequacy, chance_text
+from rigctl.analysis.agreement.adequacy import Adequacy, chance_text
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, STAND_IN
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.refitted_sets import RefittedSets
-from rigctl.analysis.remainder import share_text, strength
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.refitted_sets import RefittedSets
+from rigctl.analysis.search.remainder import share_text, strength
 from rigctl.dataset.run import Run
 from rigctl.discovery.curve import curves_of
 from rigctl.discovery.dimensions import tier_of

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from rigctl.analysis.adequacy import Adequacy, adequacy, variance_factor
-from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
+from rigctl.analysis.agreement.adequacy import Adequacy, adequacy, variance_factor
 from rigctl.analysis.fitting import OnProgress
-from rigctl.analysis.linearisation import linearise
-from rigctl.analysis.nuisance_projection import project
-from rigctl.analysis.refit import RefittedSet, refit
-from rigctl.analysis.score_test import screen
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.linear.cross_validation import CrossValidation, held_out_gain
+from rigctl.analysis.linear.linearisation import linearise
+from rigctl.analysis.linear.nuisance_projection import project
+from rigctl.analysis.linear.score_test import screen
+from rigctl.analysis.search.refit import RefittedSet, refit
 from rigctl.discovery.effect_file import effect_of, scale_parameters
 from rigctl.discovery.formulas import Formula, numbered
 from rigctl.discovery.grammar import DISTANCES

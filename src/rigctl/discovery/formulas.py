@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.mbic import mbic
+from rigctl.analysis.linear.mbic import mbic
 from rigctl.discovery.grammar import DISTANCES, Argument, Form, argument, factors, forms
 from rigctl.discovery.locate import Located
 from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.agreement.adequacy import chance_text
+from rigctl.analysis.agreement.replicates import replicate_test
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.analysis.replicates import replicate_test
 
 #: the gate is closed if more than this share of the misfit differs between records of one condition
 _IRREPRODUCIBLE = 0.5

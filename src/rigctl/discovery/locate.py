@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE
 from rigctl.analysis.fitting import OnProgress, no_progress
-from rigctl.analysis.nuisance_projection import Projected
-from rigctl.analysis.shape_tolerance import FUNCTIONS
+from rigctl.analysis.linear.nuisance_projection import Projected
+from rigctl.analysis.linear.shape_tolerance import FUNCTIONS
 from rigctl.discovery.chance import Chance, draw_chance, log_tail, span
 from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
 from rigctl.effects.drivers import Driver

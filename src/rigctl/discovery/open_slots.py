@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.agreement.slot_disturbance import disturbed_system, level, sort_slots, with_system
+from rigctl.analysis.agreement.slot_evidence import some_records
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.linearisation import linearise
-from rigctl.analysis.nuisance_projection import Projected, project
-from rigctl.analysis.shape_tolerance import courses, knots_of
-from rigctl.analysis.slot_disturbance import disturbed_system, level, sort_slots, with_system
-from rigctl.analysis.slot_evidence import some_records
+from rigctl.analysis.linear.linearisation import linearise
+from rigctl.analysis.linear.nuisance_projection import Projected, project
+from rigctl.analysis.linear.shape_tolerance import courses, knots_of
 from rigctl.effects.drivers import Driver, drivers
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress, compile_system

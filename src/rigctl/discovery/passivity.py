@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.shape_tolerance import courses
+from rigctl.analysis.linear.shape_tolerance import courses
 from rigctl.discovery.formulas import Formula
 from rigctl.discovery.open_slots import OpenSlots
 from rigctl.effects.drivers import Driver

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.decision_levels import STAND_IN
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.remainder import share_text
+from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.search.remainder import share_text
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.dimensions import Tier
 from rigctl.discovery.formula_fit import Fitted

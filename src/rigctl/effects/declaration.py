@@ -71,8 +71,8 @@ class EffectParameter:
     grid: values at which a diagnosis evaluates the effect, SI: for a shape, in addition to `start`; for
         a parameter with a threshold, instead of its null, at which the slope contains no information.
     within, shares: for a shape, the quantity of which it is a value, named as in
-        `rigctl.analysis.candidates`, and the shares of the range of that quantity at which a diagnosis tries
-        it, instead of `grid`.
+        `rigctl.analysis.linear.candidates`, and the shares of the range of that quantity at which a diagnosis
+        tries it, instead of `grid`.
     refined: a shape that a diagnosis also fits, once the effect is in the model.
     physical: the bounds beyond which a value is physically impossible: a share above one, a negative mass.
         The others are limits of the usual range, and a diagnosis also searches beyond them. By default only

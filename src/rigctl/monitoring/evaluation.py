@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import adequacy
-from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.agreement.adequacy import adequacy
 from rigctl.analysis.comparison import data_notes
 from rigctl.analysis.fitting import Data, fit_problem, read_runs
-from rigctl.analysis.linearisation import Linearisation, linearise
-from rigctl.analysis.nuisance_projection import HIDDEN, project
-from rigctl.analysis.score_test import screen
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.linear.linearisation import Linearisation, linearise
+from rigctl.analysis.linear.nuisance_projection import HIDDEN, project
+from rigctl.analysis.linear.score_test import screen
 from rigctl.dataset import open_run
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import cached, switched_off

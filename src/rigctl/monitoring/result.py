@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.model.measured.note import Note
 from rigctl.monitoring.changed_effect import Named

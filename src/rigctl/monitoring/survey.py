@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from rigctl.analysis.candidates import Candidate, by_effect, candidates, data_ranges
 from rigctl.analysis.fitting import fit_problem, no_progress
+from rigctl.analysis.linear.candidates import Candidate, by_effect, candidates, data_ranges
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset import Run
 from rigctl.dataset.copies import without_copies

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from rigctl.analysis.adequacy import chance
+from rigctl.analysis.agreement.adequacy import chance
 from rigctl.answers import numbers
 from rigctl.report.interactive_plots import embed, figure
 from rigctl.report.plot import Plot

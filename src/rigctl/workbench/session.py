@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.fitting import Data, OnProgress, fit_problem, no_progress, read_runs
-from rigctl.analysis.model_change import Changed, Wanted, change_model
+from rigctl.analysis.search.model_change import Changed, Wanted, change_model
 from rigctl.command_line import DataOptions
 from rigctl.dataset.run import Run
 from rigctl.effects.declaration import qualified

@@ -14,7 +14,7 @@ from scipy.stats import nct, t
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.fitting import fit_model
-from rigctl.analysis.power import significant_size
+from rigctl.analysis.linear.power import significant_size
 from rigctl.analysis.single_values import next_values as module
 from rigctl.analysis.single_values.next_values import next_against_chance
 from rigctl.dataset import open_run

@@ -8,9 +8,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from rigctl.analysis.agreement.trends import Trend
 from rigctl.analysis.single_values import next_values as module
 from rigctl.analysis.single_values.next_values import next_channels
-from rigctl.analysis.trends import Trend
 
 TREND = Trend("stroke", "oil", 293.15, 353.15, 0.1, 0.0, 9.0, "rises", "stays", "")
 CHANNELS = {"position": ("mm", 1e-4), "pressure_a": ("bar", 1e4)}

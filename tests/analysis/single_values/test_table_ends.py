@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.analysis.candidates import candidates
 from rigctl.analysis.fitting import fit_model
-from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.linear.candidates import candidates
+from rigctl.analysis.linear.linearisation import Linearisation, linearise
 from rigctl.analysis.single_values.rows import TableRow, table_rows
 from rigctl.analysis.single_values.statements import end_left_out
 from rigctl.dataset import open_run

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.refit import plain
+from rigctl.analysis.search.refit import plain
 from rigctl.design.assurance import DRAWS, Draws, drawn
 from rigctl.design.information_so_far import known_so_far
 from rigctl.design.recipe import Recipe, Stage, lines_of

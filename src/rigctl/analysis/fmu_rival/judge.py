@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.comparison_result import in_unit
 from rigctl.analysis.decision_levels import ALPHA, QUANTILE
 from rigctl.analysis.fitting import noise_in

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from rigctl.analysis.decision_levels import ALPHA, AT_LIMIT, INTERVAL, SHAPE_TOLERANCE
 from rigctl.analysis.laws.posterior import EstimatedLaw, chance_of, estimated_laws, laws_of
 from rigctl.analysis.laws.power_law import PowerLaw, fit_power, shown_unit
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.search import Search
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.search import Search
 from rigctl.errors import RigctlError
 from rigctl.model.model import Model
 from rigctl.units import parse_unit, with_uncertainty

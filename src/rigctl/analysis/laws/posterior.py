@@ -1,6 +1,6 @@
 """The law of an effect that the data support: its term with a discrepancy over its variables, and a band.
 
-    T(x)·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K)   (`rigctl.analysis.shape_tolerance`)
+    T(x)·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K)   (`rigctl.analysis.linear.shape_tolerance`)
 
 The amplitudes of the discrepancies and all fitted unknowns form one linear problem with a normal prior on the
 discrepancies; its posterior is a curve with a band. τ is the most likely of a few values, of which the shape
@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import ALPHA, INTERVAL, LEAST_DIFFERENCE, SHAPE_TOLERANCE
 from rigctl.analysis.laws.term import LawTerm, law_term
-from rigctl.analysis.linearisation import Linearisation, linearise
-from rigctl.analysis.nuisance_projection import project
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.search import Search
-from rigctl.analysis.shape_tolerance import LawDiscrepancy, courses, shape_columns
+from rigctl.analysis.linear.linearisation import Linearisation, linearise
+from rigctl.analysis.linear.nuisance_projection import project
+from rigctl.analysis.linear.shape_tolerance import LawDiscrepancy, courses, shape_columns
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.search import Search
 from rigctl.effects.declaration import Effect
 from rigctl.effects.drivers import Driver
 from rigctl.model.fit.fit import FitResult

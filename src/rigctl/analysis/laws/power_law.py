@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rigctl.analysis.laws.posterior import EstimatedLaw
-from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.search.refit import RefittedSet
 from rigctl.effects.declaration import Effect, EffectParameter, Term, qualified
 from rigctl.effects.drivers import Driver
 from rigctl.effects.equations import terms_in_symbols

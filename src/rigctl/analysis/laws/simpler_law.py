@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import cast
 
-from rigctl.analysis.candidates import Candidate, at_each_shape
 from rigctl.analysis.decision_levels import LEAST_DIFFERENCE
-from rigctl.analysis.identity import same_cause
-from rigctl.analysis.refit import RefittedSet, refit
-from rigctl.analysis.rivals import nested_at
-from rigctl.analysis.search import Search
+from rigctl.analysis.linear.candidates import Candidate, at_each_shape
+from rigctl.analysis.search.identity import same_cause
+from rigctl.analysis.search.refit import RefittedSet, refit
+from rigctl.analysis.search.rivals import nested_at
+from rigctl.analysis.search.search import Search
 from rigctl.effects.declaration import Effect, Own, Term
 from rigctl.engine.symbols import Scalar
 from rigctl.physics.scope import Scope

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 
+from rigctl.analysis.agreement.trends import Trend, trends
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import LEAST_DIFFERENCE
 from rigctl.analysis.diagnosis_result import Exclusion
-from rigctl.analysis.refit_alone import Alone, at_amplitudes
+from rigctl.analysis.search.refit_alone import Alone, at_amplitudes
 from rigctl.analysis.single_values.rows import TableRow, table_rows
-from rigctl.analysis.trends import Trend, trends
 from rigctl.model.fit.fit import FitResult
 
 #: an effect that makes less than this share of the missing change does not explain it

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.agreement.trends import Trend
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.power import significant_size
-from rigctl.analysis.refit_alone import alone
-from rigctl.analysis.remainder import strength
-from rigctl.analysis.score_test import Score
+from rigctl.analysis.linear.power import significant_size
+from rigctl.analysis.linear.score_test import Score
+from rigctl.analysis.search.refit_alone import alone
+from rigctl.analysis.search.remainder import strength
 from rigctl.analysis.single_values.rows import short_condition
 from rigctl.analysis.single_values.statements import near_chance
-from rigctl.analysis.trends import Trend
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.conditions import variable_units

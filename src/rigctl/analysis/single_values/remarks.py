@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Exclusion, Ranked, Verdict
-from rigctl.analysis.refit import RefittedSet
-from rigctl.analysis.refit_alone import Alone
-from rigctl.analysis.rivals import Rival, classes_of
+from rigctl.analysis.linear.candidates import Candidate
+from rigctl.analysis.search.refit import RefittedSet
+from rigctl.analysis.search.refit_alone import Alone
+from rigctl.analysis.search.rivals import Rival, classes_of
 from rigctl.analysis.single_values.exclusions import exclusion_text, exclusions, main_trend
 from rigctl.analysis.single_values.next_values import next_against_chance, next_channels, next_rows
 from rigctl.analysis.text import parameters_text

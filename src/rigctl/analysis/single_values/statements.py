@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.adequacy import Adequacy, chance_text
-from rigctl.analysis.chi_square import chi2_tail
-from rigctl.analysis.linearisation import Linearisation
-from rigctl.analysis.power import significant_size
-from rigctl.analysis.score_test import Score, Screening
+from rigctl.analysis.agreement.adequacy import Adequacy, chance_text
+from rigctl.analysis.linear.chi_square import chi2_tail
+from rigctl.analysis.linear.linearisation import Linearisation
+from rigctl.analysis.linear.power import significant_size
+from rigctl.analysis.linear.score_test import Score, Screening
 from rigctl.analysis.single_values.rows import TableRow, shows_unfitted
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import variable_units

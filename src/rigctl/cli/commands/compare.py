@@ -196,7 +196,7 @@ def compare(
 
 def _document(comparison: Comparison) -> dict[str, Any]:
     """The machine-readable answer, with the residual analysis of every model."""
-    from rigctl.analysis.residual_analysis import residual_correlations
+    from rigctl.analysis.linear.residual_analysis import residual_correlations
 
     document = comparison.document()
     for model, part in zip(comparison.models, document["models"], strict=True):

@@ -124,7 +124,7 @@ def fit(
 
     Example: rigctl model fit models/hl32-textbook.yaml latest --hold-out "oil == 60 degC"
     """
-    from rigctl.analysis.model_change import Wanted
+    from rigctl.analysis.search.model_change import Wanted
     from rigctl.cli.commands.model_changes import carry_out
     from rigctl.project import own_model
 
@@ -172,7 +172,7 @@ def add(
 
       rigctl model add models/hl32-textbook.yaml "piston_leakage:clearance=30 um" --no-fit
     """
-    from rigctl.analysis.model_change import Wanted
+    from rigctl.analysis.search.model_change import Wanted
     from rigctl.cli.commands.model_changes import carry_out, read_effect
     from rigctl.model import load_model
     from rigctl.project import own_model
@@ -220,7 +220,7 @@ def remove(
 
     Example: rigctl model remove models/hl32-textbook.yaml piston_leakage --fit latest
     """
-    from rigctl.analysis.model_change import Wanted
+    from rigctl.analysis.search.model_change import Wanted
     from rigctl.cli.commands.model_changes import carry_out
     from rigctl.project import own_model
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from rigctl.analysis.model_change import Changed, Wanted, change_model
+from rigctl.analysis.search.model_change import Changed, Wanted, change_model
 from rigctl.answers.blocks import Answer, counted, nonempty
 from rigctl.answers.comparison import departures
 from rigctl.answers.model_errors import error_bars

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigctl.analysis.model_change import Wanted
+from rigctl.analysis.search.model_change import Wanted
 from rigctl.cli.commands.model_changes import read_effect
 from rigctl.cli.plans import read_assignments
 from rigctl.effects import Effect

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from rich.markup import escape
 from rich.table import Table
 
-from rigctl.analysis.adequacy import chance, chance_text
-from rigctl.analysis.remainder import strength
+from rigctl.analysis.agreement.adequacy import chance, chance_text
+from rigctl.analysis.search.remainder import strength
 from rigctl.answers.blocks import Answer, Tone, counted
 from rigctl.cli.blocks import show_answer
 from rigctl.cli.tables import console, table

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from rigctl.analysis.adequacy import chance
+from rigctl.analysis.agreement.adequacy import chance
 from rigctl.answers.blocks import Answer, counted
 from rigctl.answers.numbers import plural
 from rigctl.cli.blocks import show_answer

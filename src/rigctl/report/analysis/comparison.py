@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from rigctl.analysis.agreement.uncertainty_budget import uncertainty_budgets
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
-from rigctl.analysis.uncertainty_budget import uncertainty_budgets
 from rigctl.answers.blocks import Block, Figure
 from rigctl.answers.budgets import budget_bars
 from rigctl.answers.comparison import comparison_answer, numbers, where

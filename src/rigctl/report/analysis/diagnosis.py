@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.search.refit import RefittedSet
 from rigctl.answers.blocks import Sentence
 from rigctl.answers.budgets import budget_bars
 from rigctl.answers.diagnosis import diagnosis_answer, diagnosis_evidence

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.agreement.localisation import whitened_errors
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.localisation import whitened_errors
 from rigctl.answers.numbers import symbol
 from rigctl.model.measured.conditions import variable_units
 from rigctl.report.heat_map import HeatMap

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.residual_analysis import Correlations, residual_correlations
+from rigctl.analysis.linear.residual_analysis import Correlations, residual_correlations
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.signals import plain_name

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chance
+from rigctl.analysis.agreement.adequacy import chance
 from rigctl.analysis.decision_levels import INTERVAL, SURVEY_ALPHA
 from rigctl.answers.numbers import plural, symbol
 from rigctl.dataset.outputs import is_page, require_output

@@ -19,7 +19,7 @@ from rigctl.web.jobs import Report
 if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
     from rigctl.analysis.diagnosis_result import Diagnosis
-    from rigctl.analysis.refit import RefittedSet
+    from rigctl.analysis.search.refit import RefittedSet
     from rigctl.dataset import Run
     from rigctl.design.result import DesignResult
     from rigctl.model import Model
@@ -150,7 +150,7 @@ def bring_in(report: Report, arguments: WorkArguments) -> dict[str, Any]:
 
 
 def _changed(report: Report, arguments: WorkArguments, kind: str) -> dict[str, Any]:
-    from rigctl.analysis.model_change import Wanted, change_model
+    from rigctl.analysis.search.model_change import Wanted, change_model
     from rigctl.project import own_model
 
     path = own_model(Path(str(arguments["model"])))

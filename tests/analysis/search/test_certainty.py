@@ -1,0 +1,124 @@
+"""Of several effects that leave something, one may be certain: as it would be by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from linear_problem import PLAIN, compared, made_design, made_effect
+from rigctl.analysis.linear.size_scatter import SizeScatter
+from rigctl.analysis.search import certainty
+from rigctl.analysis.search.certainty import Answer, certain_levels
+from rigctl.analysis.search.remainder import Remainder
+from rigctl.analysis.search.search import Search
+
+REMAINDER = Remainder(0.01, 20.0, 1e-6, "", "", "", "1 % of the misfit is left, 20 sigma")
+NONE, LOCATION = (False, False, False), (True, False, False)
+#: the shares that the two leave alone
+LEFT = {"alpha": 0.02, "beta": 0.98}
+
+
+@pytest.fixture
+def pair(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
+    """A large alpha and a small beta as the answer, with the share that each of them leaves alone."""
+    design = made_design(PLAIN, np.eye(len(PLAIN)))
+    readings = design.readings({"alpha.size": 300.0, "beta.size": 30.0}, design.typical_noise())
+    before = compared(design, readings)
+    search = Search(before, before.whole)
+    candidates = {one.name: one for one in before.linearisation.candidates}
+
+    def made(left: Mapping[str, float], remaining: Remainder | None = REMAINDER, **more: Any) -> Answer:
+        alpha, beta = candidates["alpha"], candidates["beta"]
+        first, second = (search.refitted([one], search.none) for one in (alpha, beta))
+        assert first is not None and second is not None
+        both = search.refitted([alpha, beta], first)
+        assert both is not None
+        monkeypatch.setattr(Search, "left", lambda _, trial: left.get("+".join(trial.effects), 0.01))
+        monkeypatch.setattr(certainty, "find_rivals", lambda *_: [])
+        monkeypatch.setattr(certainty, "classes_of", lambda *_: more.get("alone", (("alpha",),)))
+        monkeypatch.setattr(certainty, "remainder", lambda *_: REMAINDER)
+        monkeypatch.setattr(certainty, "cross_validations", lambda *_: {})
+        return Answer(search, both, more.get("classes", (("alpha",), ("beta",))), {}, remaining)
+
+    return made
+
+
+def levels(answer: Answer) -> list[tuple[bool, bool, bool]]:
+    return [(one.place_sure, one.driver_sure, one.law_sure) for one in certain_levels(answer, (), ())]
+
+
+def test_an_effect_that_alone_leaves_no_more_than_its_law_may_stays_certain(
+    pair: Callable[..., Answer],
+) -> None:
+    answer = pair(LEFT)
+    assert answer.best.effects == ("alpha", "beta")
+    found = certain_levels(answer, (), ())
+    assert [one.place_sure for one in found] == [True, False]
+    assert not any(one.law_sure for one in found)
+    assert answer.certain_alone(found) == ("alpha",)
+    assert answer.left_alone(found) == {"alpha": pytest.approx(0.02)}
+    (reason,) = answer.against(answer.certain_alone(found))
+    assert reason.startswith("beta may only resemble what is missing besides alpha: together they leave ")
+
+
+def test_effects_that_only_together_explain_enough_are_not_certain(pair: Callable[..., Answer]) -> None:
+    """As two laws that imitate the heat of a stirrer, which is in no library."""
+    answer = pair({"alpha": 0.14, "beta": 0.6})
+    assert levels(answer) == [NONE, NONE]
+    assert answer.left_alone(certain_levels(answer, (), ())) == {}
+    (reason,) = answer.against()
+    assert "together they may imitate" in reason
+
+
+def test_effects_at_other_locations_beside_the_second_one_or_alone_leave_nothing_certain(
+    pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = replace(made_effect("gamma"), terms=(("elsewhere", lambda m, p: p.size),))
+    by_name = {"gamma": elsewhere}
+    monkeypatch.setattr(Search, "effect", lambda _, name: by_name.get(name, made_effect(name)))
+    assert levels(pair(LEFT))[0] == LOCATION
+    assert levels(pair(LEFT, classes=(("alpha", "gamma"), ("beta",))))[0] == NONE
+    assert levels(pair(LEFT, alone=(("alpha", "gamma"),)))[0] == NONE
+
+
+def test_neither_the_worse_of_two_nor_a_law_nor_an_effect_in_a_table_is_certain(
+    pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not even if alone it leaves nothing, which contradicts what the pair leaves."""
+    answer = pair({"alpha": 0.02, "beta": 0.02})
+    monkeypatch.setattr(certainty, "remainder", lambda *_: None)
+    assert levels(answer) == [(True, True, False), NONE]
+    answer.search.tolerance = 0.0
+    assert levels(answer) == [NONE, NONE]
+
+
+def test_what_the_pair_shows_of_a_member_counts(pair: Callable[..., Answer]) -> None:
+    """Its size follows the operating point beside the second effect."""
+    follows = cast("SizeScatter", SimpleNamespace(effect="alpha", follows=True))
+    answer = pair(LEFT)
+    assert certain_levels(answer, (), (follows,))[0].driver_sure is False
+    below = replace(REMAINDER, below_noise=True)
+    assert levels(pair(LEFT, remaining=below)) == [NONE, NONE]
+
+
+def test_an_effect_that_alone_fails_cross_validation_is_not_certain(
+    pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = pair(LEFT)
+    monkeypatch.setattr(certainty, "against_identity", lambda *_, **__: ["it does not predict"])
+    assert levels(answer) == [NONE, NONE]
+
+
+def test_a_complete_pair_is_judged_as_a_pair(pair: Callable[..., Answer]) -> None:
+    """What a member leaves alone is explained by the other."""
+    alone = pair(LEFT, remaining=None)
+    assert levels(alone) == [(True, True, True)] * 2
+    assert alone.certain_alone(certain_levels(alone, (), ())) == ()
+    answer = pair({"alpha": 0.5, "beta": 0.9}, remaining=None)
+    assert all(one.place_sure for one in certain_levels(answer, (), ()))
+    assert answer.left_alone(certain_levels(answer, (), ())) == {}
