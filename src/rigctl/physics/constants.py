@@ -6,5 +6,3 @@ ZERO_CELSIUS = 273.15
 ATMOSPHERE = 1.01325e5
 #: the Stefan-Boltzmann constant in W/(m^2*K^4), CODATA 2018
 STEFAN_BOLTZMANN = 5.670374419e-8
-#: the standard acceleration of gravity in m/s^2
-GRAVITY = 9.80665

@@ -2,7 +2,6 @@
 limits."""
 
 from rigctl.plan.forecast import Basis
-from rigctl.planning.limits import LimitUse
-from rigctl.planning.preview import Preview, PreviewNode, SweepSize, preview
+from rigctl.planning.preview import Preview, preview
 
-__all__ = ["Basis", "LimitUse", "Preview", "PreviewNode", "SweepSize", "preview"]
+__all__ = ["Basis", "Preview", "preview"]

@@ -2,6 +2,6 @@
 
 from rigctl.dataset.importing.bring_in import Imported, import_file, import_files
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.read_table import Table, TableColumn, read_table
+from rigctl.dataset.importing.read_table import read_table
 
-__all__ = ["Imported", "Options", "Table", "TableColumn", "import_file", "import_files", "read_table"]
+__all__ = ["Imported", "Options", "import_file", "import_files", "read_table"]

@@ -4,7 +4,7 @@ A run is written to a local folder, since a bench must rely on the disk, and is 
 (`upload`). It is read in place (`Store`): only the requested parts of a table, without a local copy.
 """
 
-from rigctl.dataset.storage.sending import Uploaded, upload
+from rigctl.dataset.storage.sending import upload
 from rigctl.dataset.storage.store import Store, StoredFolder
 
-__all__ = ["Store", "StoredFolder", "Uploaded", "upload"]
+__all__ = ["Store", "StoredFolder", "upload"]

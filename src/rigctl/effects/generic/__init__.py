@@ -4,6 +4,6 @@ They are declarations like any other, made for one family at a time: `generic_ef
 ones, and `offers` lists for each slot which apply, and why others do not.
 """
 
-from rigctl.effects.generic.offer import Offer, generic_effects, offers
+from rigctl.effects.generic.offer import generic_effects, offers
 
-__all__ = ["Offer", "generic_effects", "offers"]
+__all__ = ["generic_effects", "offers"]

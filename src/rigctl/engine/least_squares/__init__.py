@@ -4,8 +4,8 @@ Independent of how residuals are computed: `least_squares` is given a function t
 its residuals and their derivatives.
 """
 
-from rigctl.engine.least_squares.block import Block, Evaluate, Refused
-from rigctl.engine.least_squares.identifiability import Combination, null_columns
+from rigctl.engine.least_squares.block import Block, Refused
+from rigctl.engine.least_squares.identifiability import null_columns
 from rigctl.engine.least_squares.multi_start import multi_start
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.solve import NoValueAtStart, Options, least_squares
@@ -13,8 +13,6 @@ from rigctl.engine.least_squares.unknown import Prior, Unknown, started
 
 __all__ = [
     "Block",
-    "Combination",
-    "Evaluate",
     "Iteration",
     "LeastSquaresResult",
     "NoValueAtStart",

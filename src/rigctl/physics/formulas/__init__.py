@@ -5,11 +5,10 @@ Nothing is executed. Only smooth formulas are accepted, because the solver and a
 
 from rigctl.physics.formulas.corners import refuse_branch_words, refuse_corners
 from rigctl.physics.formulas.lower import lower
-from rigctl.physics.formulas.names import CONSTANTS, reserved_names, variable_types
+from rigctl.physics.formulas.names import reserved_names, variable_types
 from rigctl.physics.formulas.read import read_formula
 
 __all__ = [
-    "CONSTANTS",
     "lower",
     "read_formula",
     "refuse_branch_words",

@@ -3,7 +3,7 @@
 from rigctl.physics.oil.bulk_modulus import air_compliance
 from rigctl.physics.oil.density import density
 from rigctl.physics.oil.oils import HL32, OILS, Oil, find_oil
-from rigctl.physics.oil.published import Misfit, PublishedPoint, largest_misfit, misfit, published_viscosity
+from rigctl.physics.oil.published import Misfit, largest_misfit, misfit, published_viscosity
 from rigctl.physics.oil.table import OilRow, oil_table
 from rigctl.physics.oil.viscosity import (
     barus_factor,
@@ -22,7 +22,6 @@ __all__ = [
     "Misfit",
     "Oil",
     "OilRow",
-    "PublishedPoint",
     "VogelConstants",
     "air_compliance",
     "barus_factor",

@@ -9,7 +9,6 @@ from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.improvement import improvement_sections
 from rigctl.report.analysis.learning import hidden_section, learning_sections
 from rigctl.report.analysis.question import question_section
-from rigctl.report.analysis.survey import survey_sections
 
 __all__ = [
     "comparison_sections",
@@ -22,5 +21,4 @@ __all__ = [
     "improvement_sections",
     "learning_sections",
     "question_section",
-    "survey_sections",
 ]

@@ -14,7 +14,6 @@ from rigctl.physics.scope import Scope
 
 _FAMILY = "hydraulic_cylinder"
 _JELALI = "Jelali & Kroll, Hydraulic Servo-systems (2003), section 3.4"
-_DAHL = _JELALI + "; P. Dahl, A solid friction model, Aerospace Corporation TOR-158 (1968)"
 
 #: chamber pressure within which the contact force of a seal is rounded to zero, in Pa
 _SEAL_WIDTH = 1e4
