@@ -14,6 +14,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Verdict
 from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.search.identity import Levels
 from rigctl.answers.blocks import Answer
+from rigctl.answers.comparison import place_in_words
 from rigctl.answers.diagnosis import _certain, _fits, _weighed, sentence_of
 from rigctl.answers.improvement import _not_distinguished
 from rigctl.answers.model_errors import error_bars
@@ -21,6 +22,7 @@ from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.progress import _thinned, progress_display
 from rigctl.errors import RigctlError
 from rigctl.model.history.change import ModelError
+from rigctl.physics.families import FAMILIES
 
 
 def test_counts_are_printed_at_growing_intervals_and_other_lines_at_once() -> None:
@@ -91,6 +93,21 @@ def test_additions_that_other_effects_could_replace_are_stated_once() -> None:
     assert sentence_of(alone, others_follow=False) == f"something is missing, and {said}"
     assert sentence_of(alone).endswith("cannot tell which of 3 effects it is")
     assert _not_distinguished(steps[2:]) == ""
+
+
+@pytest.mark.parametrize(
+    ("slot", "words"),
+    [
+        ("flow_a_to_b", "past the piston, from cap side to rod side (flow_a_to_b)"),
+        (
+            "friction + load",
+            "of the piston and rod, against the motion, of what the rod pushes, against extension",
+        ),
+        ("unnamed", "unnamed"),  # a user's own slot without a meaning
+    ],
+)
+def test_a_place_stands_in_words_before_its_name(slot: str, words: str) -> None:
+    assert place_in_words(slot, FAMILIES["hydraulic_cylinder"]) == words
 
 
 def test_the_answer_states_what_is_certain_of_each_effect() -> None:

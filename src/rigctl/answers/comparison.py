@@ -8,7 +8,6 @@ from typing import Any
 
 from rigctl.analysis.agreement.adequacy import chance
 from rigctl.analysis.agreement.localisation import Place
-from rigctl.analysis.agreement.slot_evidence import SlotEvidence
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, SLOT_SEPARABLE
 from rigctl.analysis.fmu_rival import FmuRival
@@ -31,6 +30,7 @@ from rigctl.answers.numbers import resolved
 from rigctl.answers.systematic import falls, left_of
 from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure
+from rigctl.physics.family import ModelFamily
 from rigctl.units import significant
 
 _TONES: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
@@ -371,10 +371,12 @@ def _wanted(model: ModelComparison) -> str:
     if not known or (model.rows and len(known[0].alike) > 1):
         return ""
     near = [one for one in known if one.slot in known[0].alike][:2]
-    return f"a term: {'; or '.join(_place(one) for one in (known[0], *near))}"
+    family = model.fit.problem.model.family
+    return f"a term: {'; or '.join(place_in_words(one.slot, family) for one in (known[0], *near))}"
 
 
-def _place(slot: SlotEvidence) -> str:
-    """Where a term is missing, in words, and its name where it is one."""
-    meanings = slot.meaning.split("; ")
-    return f"{meanings[0]} ({slot.slot})" if len(meanings) == 1 else ", ".join(meanings)
+def place_in_words(slot: str, family: ModelFamily) -> str:
+    """Where a term is missing, in words, with its name in brackets; slots that nothing separates in words."""
+    known = {one.name: one.meaning for one in family.slots}
+    meanings = [known.get(name) or name for name in slot.split(" + ")]
+    return f"{meanings[0]} ({slot})" if known.get(slot) else ", ".join(meanings)

@@ -27,7 +27,7 @@ from rigctl.answers.blocks import (
     counted,
     nonempty,
 )
-from rigctl.answers.comparison import departures, findings
+from rigctl.answers.comparison import departures, findings, place_in_words
 from rigctl.answers.errors import error_text, fit_text, pattern_of
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import certain, points, sentence, would_be_missing
@@ -153,7 +153,8 @@ def diagnosis_evidence(diagnosis: Diagnosis) -> tuple[Block, ...]:
     if diagnosis.excluded_because and not adequate:
         blocks.append(Points.of("what is excluded", diagnosis.excluded_because, titled=False))
     if slot and not adequate:
-        blocks.append(Points.of("", [f"the equation that most probably lacks a term: {slot}"]))
+        place = place_in_words(slot, before.fit.problem.model.family)
+        blocks.append(Points.of("", [f"the equation that most probably lacks a term: {place}"]))
     if any(one.before for one in diagnosis.drift) and not adequate:
         blocks.append(_drift(diagnosis.drift))
     return (
@@ -359,9 +360,15 @@ def _others(diagnosis: Diagnosis) -> list[str]:
     close = _close(diagnosis)
     if not close:
         return []
-    effects = library(diagnosis.best.fit.problem.model.family)
-    names = dict.fromkeys(name for first, *others in close for name in others)
-    return [in_words(effects[name]) if name in effects else name for name in names]
+    return [
+        _named(diagnosis, name) for name in dict.fromkeys(name for _, *others in close for name in others)
+    ]
+
+
+def _named(diagnosis: Diagnosis, effect: str) -> str:
+    """An effect as a sentence with its name."""
+    known = library(diagnosis.best.fit.problem.model.family)
+    return in_words(known[effect]) if effect in known else effect
 
 
 def _size_head(diagnosis: Diagnosis) -> str:
@@ -419,7 +426,8 @@ def _sureness(diagnosis: Diagnosis) -> str:
         parts.append(f"error on conditions left out: {before} to {after} of the noise")
     others = [one for one in diagnosis.ranking if one.effect not in diagnosis.best.effects]
     if others:
-        parts.append(f"next best {others[0].effect}, {100.0 * others[0].probability:.1f} %")
+        next_best = _named(diagnosis, others[0].effect)
+        parts.append(f"next best, {100.0 * others[0].probability:.1f} %: {next_best}")
     against = sum(one.side == "against" for one in diagnosis.further_evidence)
     if against:
         parts.append(f"{number_of(against, 'point')} of evidence against it")
@@ -437,7 +445,8 @@ def _left(diagnosis: Diagnosis) -> str:
             return f"only the shape of its law: the assumed law is rejected ({chance})"
         return f"nothing: with it the model agrees within the noise ({chance})"
     remainder = diagnosis.remainder
-    where = f", most at {remainder.slot}" if remainder.slot else ""
+    family = diagnosis.best.fit.problem.model.family
+    where = f", mostly a term: {place_in_words(remainder.slot, family)}" if remainder.slot else ""
     over = f", over {remainder.over}" if remainder.over else ""
     return f"{share_text(remainder.share)} of the misfit{where}{over} ({chance_text(remainder.p_value)})"
 
