@@ -15,4 +15,4 @@ FINGERPRINT = "144e0a46ac09"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 6
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "e5f8f83b3f34"
+DISCOVERY_FINGERPRINT = "6e5d548d0118"

@@ -170,7 +170,7 @@ def test_the_schedule_ends_where_the_rig_reaches_its_limit(bench: str) -> None:
     page = Path("schedule.html").read_text("utf-8")
     assert "A set-point schedule" in page
     assert "out of reach" in page
-    assert "It ends at oil_temperature" in page
+    assert "It ends at oil temperature" in page
     assert any("extrapolated" in note for note in found["notes"])
 
 

@@ -11,8 +11,9 @@ import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.answers.discovery import discovery_answer
+from rigctl.answers.discovery import written as written_term
 from rigctl.cli.commands.discover import _lead_on
-from rigctl.cli.views.discover import _written
 from rigctl.command_line import DataOptions
 from rigctl.discovery.discover import _notes, _statement, _too_weak
 from rigctl.discovery.gate import gate_of
@@ -99,9 +100,9 @@ def test_a_refused_search_gives_its_reason(
     assert gate.reason == reason
     assert words in gate.statement
     found = Discovery((), "", gate, None, (), (), 0, gate.statement, (), cast("Any", None))
-    head, sentence = found.headed  # it was printed as "No formula: No search was made: ..."
-    assert f"{head}: {sentence}" == gate.statement
-    assert head.startswith(("No search was made", "There is nothing to discover"))
+    told = discovery_answer(found)  # it was printed as "No formula: No search was made: ..."
+    assert f"{told.title}: {told.sentence}" == gate.statement
+    assert told.title.startswith(("No search was made", "There is nothing to discover"))
 
 
 def test_the_search_starts_if_no_library_effect_is_certain() -> None:
@@ -136,7 +137,7 @@ def test_a_formula_is_written_with_its_slot_as_the_slot_combines_terms(combine: 
     found = SimpleNamespace(
         slot="here", term=term, fitted=SimpleNamespace(formula=SimpleNamespace(slot=slot))
     )
-    assert _written(cast("FoundFormula", found)) == written
+    assert written_term(cast("FoundFormula", found)) == written
 
 
 def test_a_single_condition_and_untestable_locations_are_noted() -> None:

@@ -13,7 +13,8 @@ import pytest
 
 from commands import answer, refusal, told
 from discovery.guided_mass import LEVELS, MASS, nothing, rubbing_spot, worn_spot, write_bench
-from rigctl.cli.views.discover import show_discovery
+from rigctl.answers.discovery import discovery_answer, discovery_evidence
+from rigctl.cli.blocks import show_answer
 from rigctl.dataset import open_run
 from rigctl.discovery.discover import discover
 from rigctl.discovery.result import Discovery
@@ -151,13 +152,13 @@ def test_a_local_drag_is_found_over_two_variables_and_as_dissipative(
 
 
 def _answers_in_a_few_lines(found: Discovery, capsys: pytest.CaptureFixture[str]) -> None:
-    show_discovery(found)
+    show_answer(discovery_answer(found))
     short = capsys.readouterr().out
     assert len(short.splitlines()) <= 3 + len(found.formulas)
     assert re.search(r"% of it, [0-9.]+ times as strong as chance \(p [<=] [0-9.e-]+\)", short)
     assert found.formulas[0].term in short
     assert "-v shows" in short
-    show_discovery(found, verbose=True)
+    show_answer(discovery_answer(found), discovery_evidence(found))
     whole = capsys.readouterr().out
     assert "family-wise p" in whole
     assert "95 % band" in whole

@@ -156,11 +156,13 @@ class Bars:
 
 @dataclass(frozen=True)
 class Figure:
-    """Where a page draws the plot `key`; a terminal shows none."""
+    """Where a page draws the plot `key`; a terminal shows only the `curve`, if there is one: its values at
+    equal distances."""
 
     key: str
     caption: str
     note: str = ""
+    curve: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

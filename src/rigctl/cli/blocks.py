@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
@@ -13,6 +13,7 @@ from rigctl.answers.blocks import (
     Block,
     Column,
     Details,
+    Figure,
     Next,
     Note,
     Points,
@@ -22,28 +23,32 @@ from rigctl.answers.blocks import (
 from rigctl.cli.next_command import show_next
 from rigctl.cli.tables import console, table
 from rigctl.cli.terminal_bars import draw_bar
+from rigctl.report.braille import draw_curve
 
 _COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "bright_black", None: ""}
 _MARKS = {"+": "[green]+[/] ", "-": "[red]-[/] ", "!": "[yellow]![/] ", "": ""}
 #: characters of the heading of a fact, and of a full bar in a table and by itself
 _WIDTH, _BAR, _LONG_BAR = 11, 16, 40
+#: width and height of a curve
+_CURVE = 56, 6
 
 
-def show_answer(answer: Answer) -> None:
-    """Print the verdict with a line for each fact, and what ``-v`` would add."""
+def show_answer(answer: Answer, evidence: Sequence[Block] = ()) -> None:
+    """Print the verdict with a line for each fact, and its evidence, or what ``-v`` would add."""
     for sentence in answer.first:
         show([Sentence(sentence, "warn", main=True)])
     head = answer.title if answer.headed else ""
     show([Sentence(answer.sentence, answer.tone, head, main=True)])
     for name, text in answer.facts:
         _print(f"  [dim]{escape(name):<{_WIDTH}}[/] {escape(text)}")
-    if answer.more:
+    if answer.more and not evidence:
         _print(f"  [dim]{'-v shows':<{_WIDTH}} {escape(', '.join(answer.more))}[/]")
+    show(evidence)
     show(answer.remarks)
 
 
 def show(blocks: Iterable[Block]) -> None:
-    """Print the blocks one below another; a terminal draws no plots."""
+    """Print the blocks one below another."""
     for block in blocks:
         if isinstance(block, Details):
             show(block.blocks)
@@ -59,6 +64,8 @@ def show(blocks: Iterable[Block]) -> None:
             _show_table(block)
         elif isinstance(block, Bars):
             _show_bars(block)
+        elif block.curve:
+            _show_curve(block)
 
 
 def _print(line: str) -> None:
@@ -94,6 +101,14 @@ def _show_bars(block: Bars) -> None:
     for bar in block.bars:
         drawn = draw_bar(bar.share, 1.0, width=_LONG_BAR)
         _print(f"  {escape(bar.label):<{width}}  [cyan]{drawn}[/] {escape(bar.text)}")
+
+
+def _show_curve(block: Figure) -> None:
+    """A curve in Braille characters; a terminal draws no other plots."""
+    low, high = min(block.curve), max(block.curve)
+    _print(f"  [bold]{escape(block.caption)}[/]")
+    for line in draw_curve(list(block.curve), width=_CURVE[0], height=_CURVE[1], low=low, high=high):
+        _print(f"    [cyan]{line}[/]")
 
 
 def _show_table(block: Table) -> None:

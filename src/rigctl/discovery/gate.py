@@ -28,18 +28,25 @@ class Gate:
     ----------
     reason: ``outside_library`` if it is open; ``adequate``, ``undecided``, ``sensor``, ``library`` or
         ``replicates``.
-    statement: in words.
+    sentence: in words; `head` a few words before it, where no search was made.
     """
 
     open: bool
     reason: str
-    statement: str
+    sentence: str
+    head: str = ""
+
+    @property
+    def statement(self) -> str:
+        """Head and sentence."""
+        return f"{self.head}: {self.sentence}" if self.head else self.sentence
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
         return {"open": self.open, "reason": self.reason, "statement": self.statement}
 
 
+_NONE = "No search was made"
 _OPEN = Gate(
     True,
     "outside_library",
@@ -53,28 +60,24 @@ def gate_of(diagnosis: Diagnosis) -> Gate:
     if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
         return _of_agreement(diagnosis)
     if diagnosis.doubt:
-        return Gate(
-            False,
-            "undecided",
-            f"No search was made, because these data cannot tell whether anything is missing: "
-            f"{diagnosis.doubt}",
-        )
+        head = f"{_NONE}, because these data cannot tell whether anything is missing"
+        return Gate(False, "undecided", diagnosis.doubt, head)
     if before.adequacy.only_misread and not diagnosis.effects:
-        return Gate(False, "sensor", f"No search was made: {diagnosis.statement}")
+        return Gate(False, "sensor", diagnosis.statement, _NONE)
     if diagnosis.verdict is Verdict.MISSING_EFFECT or (
         diagnosis.verdict is Verdict.AMBIGUOUS and (diagnosis.indistinguishable or _sure(diagnosis))
     ):
-        return Gate(False, "library", _library(diagnosis))
+        return Gate(False, "library", *_library(diagnosis))
     if differ := _replicates_differ(before):
-        return Gate(False, "replicates", differ)
+        return Gate(False, "replicates", differ, _NONE)
     return _OPEN
 
 
 def _of_agreement(diagnosis: Diagnosis) -> Gate:
     before = diagnosis.before
     if before.adequacy.below_noise:
-        return Gate(False, "undecided", f"No search was made: {before.statement}")
-    return Gate(False, "adequate", f"There is nothing to discover: {diagnosis.statement}")
+        return Gate(False, "undecided", before.statement, _NONE)
+    return Gate(False, "adequate", diagnosis.statement, "There is nothing to discover")
 
 
 def _sure(diagnosis: Diagnosis) -> bool:
@@ -82,26 +85,30 @@ def _sure(diagnosis: Diagnosis) -> bool:
     return any(one.place_sure for one in diagnosis.levels)
 
 
-def _library(diagnosis: Diagnosis) -> str:
+def _library(diagnosis: Diagnosis) -> tuple[str, str]:
+    """The sentence and its head where the library has the answer, or a part of it."""
     names = " and ".join(diagnosis.effects)
     if besides := diagnosis.certain_besides:
         return (
-            f"No search was made yet: {besides[0]} is missing with certainty (except for its law), and so is "
-            f"something else: add {besides[0]} ('rigctl model add'), then search for the rest"
+            f"{besides[0]} is missing with certainty (except for its law), and so is something else: add "
+            f"{besides[0]} ('rigctl model add'), then search for the rest",
+            f"{_NONE} yet",
         )
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         others = sorted({name for group in diagnosis.classes for name in group} - set(diagnosis.effects))
         which = f" (or {', '.join(others)})" if others else ""
         return (
-            f"No search was made: {names}{which} of the library would explain it, and these data do not show "
-            "which of these it is: 'rigctl diagnose' says what would distinguish them"
+            f"{names}{which} of the library would explain it, and these data do not show which of these it "
+            "is: 'rigctl diagnose' says what would distinguish them",
+            _NONE,
         )
     if diagnosis.remainder is not None:
         return (
-            f"No search was made yet: {names} is certainly missing, but that is not all: add it "
-            "('rigctl diagnose … --apply'), then search for the rest"
+            f"{names} is certainly missing, but that is not all: add it ('rigctl diagnose … --apply'), then "
+            "search for the rest",
+            f"{_NONE} yet",
         )
-    return f"No search was made: the library contains it, {names}: 'rigctl diagnose … --apply' adds it"
+    return f"the library contains it, {names}: 'rigctl diagnose … --apply' adds it", _NONE
 
 
 def _replicates_differ(before: ModelComparison) -> str:
@@ -111,7 +118,7 @@ def _replicates_differ(before: ModelComparison) -> str:
     if tested is None or tested.p_value >= ALPHA or tested.share < _IRREPRODUCIBLE:
         return ""
     return (
-        "No search was made: differences between records of one condition account for "
+        "differences between records of one condition account for "
         f"{100 * tested.share:.0f} % of what the model leaves ({chance_text(tested.p_value)}): something "
         "changes from record to record that no variable of the model describes. Find out what, or record it"
     )

@@ -219,14 +219,6 @@ class Discovery:
                 alternatives += [replace(Where.of(located), slot=slot) for slot in located.alike]
         return tuple(dict.fromkeys(alternatives))
 
-    @property
-    def headed(self) -> tuple[str, str]:
-        """The head of the answer and its sentence; where no search was made, the statement has a head."""
-        if self.gate.open:
-            return "Discovery", self.statement
-        head, _, sentence = self.statement.partition(": ")
-        return head, sentence
-
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
         searched, where = self.searched, self.where

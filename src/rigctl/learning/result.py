@@ -257,7 +257,7 @@ class Learned:
 
     def summary(self) -> str:
         """One line for each round, and how it ended."""
-        return "\n".join([*map(round_text, self.rounds), self.statement])
+        return "\n".join([*(f"round {one.number}: {round_text(one)}" for one in self.rounds), self.statement])
 
     def frame(self) -> pd.DataFrame:
         """The rounds, one row for each, predicted beside actual values."""
@@ -275,12 +275,11 @@ class Learned:
 
 
 def round_text(one: Round) -> str:
-    """A round in one line."""
-    heading = f"round {one.number}: "
+    """What came out of a round, in one line."""
     if not one.judged:
-        return heading + ("proposed, and declined" if one.answer == "no" else "not carried out")
+        return "proposed, and declined" if one.answer == "no" else "not carried out"
     named = f" ({' + '.join(one.effects)})" if one.effects else ""
-    text = f"{heading}{one.verdict.replace('_', ' ')}{named}"
+    text = f"{one.verdict.replace('_', ' ')}{named}"
     if one.added:
         text += f", added {', '.join(name for name, _ in one.added)}"
     return text if one.achieved is None else f"{text}; {one.achieved.statement}"

@@ -122,9 +122,10 @@ def compensate(
     from rigctl.cli.progress import progress_display
 
     with progress_display("Reading the records", "nothing was saved") as on_progress:
+        from rigctl.answers.schedule import schedule_answer, schedule_evidence
         from rigctl.cli.analysis_page import require_page, write_page
+        from rigctl.cli.blocks import show_answer
         from rigctl.cli.commands.compare import open_models, open_runs
-        from rigctl.cli.views.compensate import show_schedule
         from rigctl.compensation.schedule import compensate as compensated
 
         written = output or []
@@ -143,12 +144,13 @@ def compensate(
     if as_json:
         print_json(schedule.document())
     else:
-        show_schedule(schedule, written, verbose=verbose)
+        show_answer(schedule_answer(schedule, written), schedule_evidence(schedule) if verbose else ())
 
 
 def _judge(chosen: list[str], *, as_json: bool) -> None:
+    from rigctl.answers.schedule import check_block
+    from rigctl.cli.blocks import show
     from rigctl.cli.commands.compare import open_runs
-    from rigctl.cli.views.compensate import show_verdict
     from rigctl.compensation.paired_test import judge as judged
     from rigctl.errors import ExitCode
 
@@ -156,7 +158,7 @@ def _judge(chosen: list[str], *, as_json: bool) -> None:
     if as_json:
         print_json(verdict.document())
     else:
-        show_verdict(verdict)
+        show([check_block(verdict)])
     if not verdict.accepted:
         raise typer.Exit(int(ExitCode.FAILED))
 

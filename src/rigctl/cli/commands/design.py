@@ -101,9 +101,10 @@ def design(
     from rigctl.cli.progress import progress_display
 
     with progress_display("Reading the records", "no further file was written") as on_progress:
+        from rigctl.answers.design import design_answer, whole_design
         from rigctl.cli.analysis_page import require_page
+        from rigctl.cli.blocks import show, show_answer
         from rigctl.cli.commands.compare import open_models, open_runs
-        from rigctl.cli.views.design import show_design
         from rigctl.command_line import DataOptions
         from rigctl.dataset.outputs import is_designed, require_output
         from rigctl.design.design import design_experiment
@@ -142,7 +143,7 @@ def design(
     if as_json:
         print_json(result.as_json())
     else:
-        show_design(result, verbose=verbose)
+        show(whole_design(result)) if verbose else show_answer(design_answer(result))
         choice = DataOptions(only, hold_out, assume or (), family)
         own = _own_options(budget, records, separate, seed, sensors=sensors)
         _lead_on(result, runs, model.as_posix(), choice, own, output)

@@ -160,9 +160,10 @@ def diagnose(
     else:
         _show(diagnosis, verbose=verbose)
         if next_one is not None:
-            from rigctl.cli.views.design import show_design
+            from rigctl.answers.design import design_answer, whole_design
+            from rigctl.cli.blocks import show, show_answer
 
-            show_design(next_one, verbose=verbose)
+            show(whole_design(next_one)) if verbose else show_answer(design_answer(next_one))
         shown = ["--design"] * design + ["--bootstrap", str(repetitions)] * bool(repetitions)
         _lead_on(diagnosis, runs, model.as_posix(), choice, limit, shown)
 

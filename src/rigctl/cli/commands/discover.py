@@ -71,9 +71,10 @@ def discover(
     from rigctl.cli.progress import progress_display
 
     with progress_display("Reading the records", "no further file was written") as on_progress:
+        from rigctl.answers.discovery import discovery_answer, discovery_evidence
         from rigctl.cli.analysis_page import require_page
+        from rigctl.cli.blocks import show_answer
         from rigctl.cli.commands.compare import open_models, open_runs
-        from rigctl.cli.views.discover import show_discovery
         from rigctl.command_line import DataOptions
         from rigctl.dataset.outputs import require_folder
         from rigctl.discovery.discover import discover as discovered
@@ -105,7 +106,8 @@ def discover(
     if as_json:
         print_json(discovery.document())
     else:
-        show_discovery(discovery, verbose=verbose)
+        evidence = discovery_evidence(discovery) if verbose else ()
+        show_answer(discovery_answer(discovery), evidence)
         _lead_on(discovery, runs, model.as_posix(), choice, slot, saved=output is not None)
 
 

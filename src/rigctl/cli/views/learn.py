@@ -6,8 +6,9 @@ from pathlib import Path
 
 from rich.markup import escape
 
+from rigctl.answers.design import design_answer, whole_design
+from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.design import show_design
 from rigctl.design.result import DesignResult
 from rigctl.design.text import share
 from rigctl.learning.ending import LearningEnd
@@ -24,14 +25,13 @@ def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False, verb
     if quiet:
         out.print(escape(design.statement), soft_wrap=True)
     else:
-        show_design(design, verbose=verbose)
+        show(whole_design(design)) if verbose else show_answer(design_answer(design))
 
 
 def show_round(one: Round) -> None:
     """Show a judged round."""
     out = console()
-    text = round_text(one).partition(": ")[2]
-    out.print(f"[bold]Round {one.number}[/]: {escape(text)}", soft_wrap=True)
+    out.print(f"[bold]Round {one.number}[/]: {escape(round_text(one))}", soft_wrap=True)
     out.print(f"  {escape(one.statement)}", soft_wrap=True)
 
 

@@ -5,43 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from rigctl.analysis.decision_levels import INTERVAL
+from rigctl.answers.blocks import Block, Figure, Points, Sentence
 from rigctl.answers.numbers import symbol
-from rigctl.compensation.result import CompensationRow, Schedule
+from rigctl.answers.schedule import schedule_answer, schedule_evidence
+from rigctl.compensation.result import Schedule
+from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
-from rigctl.report.section import Section, plot_slot, render
+from rigctl.report.section import Section, plot_slot
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit, show, with_uncertainty
+from rigctl.units import parse_unit, show
 
 
 def compensation_sections(schedule: Schedule) -> list[Section]:
     """The statement, the schedule as a picture and as a table, and what was measured."""
     plot = _plot(schedule)
-    body = render(
-        "compensation.html",
-        schedule=schedule,
-        plot=plot_slot(plot),
-        rows=[_row(schedule, row) for row in schedule.rows],
-        heads=[plain_name(name) for name in (schedule.over, schedule.vary, schedule.quantity)],
-        fixed=show(schedule.fixed, schedule.vary_unit),
-        off=show(schedule.off, schedule.unit, difference=True, digits=2),
-        remarks=[f"{one[0].upper()}{one[1:]}" for one in (*schedule.ends[1:], *schedule.notes)],
-        valid=[
-            (plain_name(name), show(low, unit), show(high, unit)) for name, low, high, unit in schedule.valid
-        ],
-    )
+    answer = schedule_answer(schedule)
+    facts = [f"{head}: {text}" for head, text in answer.facts[1:]]
+    blocks: list[Block] = [
+        Sentence(answer.sentence, answer.tone, answer.title),
+        Figure(plot.id, plot.caption),
+        *schedule_evidence(schedule),
+        Points.of("", facts),
+        *answer.remarks,
+    ]
+    body = page_blocks(blocks, {plot.id: plot_slot(plot)})
     return [Section("schedule", "A set-point schedule", body, (plot,))]
-
-
-def _row(schedule: Schedule, row: CompensationRow) -> dict[str, str]:
-    shown = {"over": show(row.over, schedule.over_unit), "fixed": show(row.fixed, schedule.unit)}
-    if not row.reached:
-        return shown | {"vary": "out of reach", "kept": "", "scatter": ""}
-    unit = parse_unit(schedule.vary_unit)
-    return shown | {
-        "vary": with_uncertainty(unit.from_si(row.vary), row.std / unit.factor, schedule.vary_unit),
-        "kept": show(row.kept, schedule.unit),
-        "scatter": f"± {show(row.scatter, schedule.unit, difference=True, digits=2)}",
-    }
 
 
 def _plot(schedule: Schedule) -> Plot:

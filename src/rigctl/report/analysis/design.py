@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
-from markupsafe import Markup
 
-from rigctl.answers.blocks import Bar, Bars
+from rigctl.answers.blocks import Bar, Bars, Block, Figure, Note, Points, Sentence
+from rigctl.answers.design import design_answer, in_words, rival_tables, sensor_tables
 from rigctl.answers.numbers import symbol
-from rigctl.design.result import DesignResult, DesignRival, Prediction, SensorSet
-from rigctl.design.text import share, title
-from rigctl.planning.outline import clock_time
+from rigctl.design.result import DesignResult, Prediction, SensorSet
+from rigctl.design.text import share
 from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 
+#: how to read the tables
+_READING = (
+    "the weight of a rival is its probability among these, each fitted to all data so far; D: the expected "
+    "log-likelihood ratio 2·ln L from the records, with the rival refitted, ± its standard deviation over "
+    "the present uncertainty; P: the probability that a diagnosis distinguishes the two"
+)
 #: rivals that are drawn, the most probable first
 _DRAWN = 4
 #: a channel in which none of them differ by more, in sigmas, does not distinguish them
@@ -23,58 +28,44 @@ _SHOWS = 0.5
 
 def design_sections(result: DesignResult) -> list[Section]:
     """The answer, the rivals, the records with what each rival predicts, the sensors, the procedure."""
-    plots = [
-        record_plot(result, number) if record.predictions else None  # a row of a table has no time series
-        for number, record in enumerate(result.records)
+    plots = [  # a row of a table has no time series
+        record_plot(result, number) for number, record in enumerate(result.records) if record.predictions
     ]
     chart = sensor_plot(result.sensors)
-    body = render(
-        "design.html",
-        result=result,
-        title=title(result),
-        good=result.separable or result.aim == "precision",
-        chances=_chances(result),
-        rivals=[_rival(one) for one in result.rivals],
-        outlooks=result.outlooks,
-        share=share,
-        clock=clock_time,
-        records=[
-            {
-                "number": number + 1,
-                "record": one,
-                "plot": plot and plot_slot(plot),
-                "caption": plot and plot.caption,
-            }
-            for number, (one, plot) in enumerate(zip(result.records, plots, strict=True))
-        ],
-        sensors=[_sensor(one) for one in result.sensors],
-        chart=None if chart is None else plot_slot(chart),
-    )
-    drawn = tuple(plot for plot in (*plots, chart) if plot is not None)
+    drawn = (*plots, *([] if chart is None else [chart]))
+    answer = design_answer(result)
+    whys = [f"{in_words(one)}. {one.why}" for one in result.records]
+    blocks: list[Block] = [
+        Sentence(answer.sentence, answer.tone, answer.title),
+        *_chances(result),
+        Note(_READING),
+        *rival_tables(result),
+        *([Points.of("records", whys)] if whys else []),
+        *(Figure(plot.id, plot.caption) for plot in plots),
+        *(
+            [Points.of("sensors that the bench could have", ()), *sensor_tables(result)]
+            if result.sensors
+            else []
+        ),
+        Figure("sensors", "what the sensors distinguish, over their price"),
+        *map(Note, result.notes),
+    ]
+    body = page_blocks(blocks, {plot.id: plot_slot(plot) for plot in drawn})
+    if result.procedure:
+        body += render("procedure.html", procedure=result.procedure)
     return [Section("next-experiment", "What to measure next", body, drawn)]
 
 
-def _chances(result: DesignResult) -> Markup:
+def _chances(result: DesignResult) -> list[Block]:
     """The probability so far, and after each record."""
     if result.aim == "precision" or not result.records:
-        return Markup()
+        return []
     shown = [Bar("now", result.before, share(result.before), "", 7)]
     shown += [
-        Bar(f"with record {number}", one.after, share(one.after), "", 0)
+        Bar(f"with record {number}", one.after, share(one.after))
         for number, one in enumerate(result.records, start=1)
     ]
-    return page_blocks([Bars("Probability that a diagnosis names the right rival alone", tuple(shown))])
-
-
-def _rival(one: DesignRival) -> dict[str, object]:
-    return {
-        "name": plain_name(one.name),
-        "weight": one.weight,
-        "chi2": one.chi2_reduced,
-        "parameters": ", ".join(
-            f"{name.partition('.')[2]} {value}" for name, value in one.parameters.items()
-        ),
-    }
+    return [Bars("Probability that a diagnosis names the right rival alone", tuple(shown))]
 
 
 def record_plot(result: DesignResult, number: int) -> Plot:
@@ -133,16 +124,6 @@ def _apart(one: Prediction, names: list[str]) -> Panel:
     return Panel(
         f"{plain_name(one.channel)}, less {plain_name(names[0])} [times the noise]", traces, height=1.0
     )
-
-
-def _sensor(one: SensorSet) -> dict[str, object]:
-    return {
-        "channels": " and ".join(map(plain_name, one.channels)),
-        "price": "" if one.price is None else f"{one.price:g} {one.currency}".strip(),
-        "told": f"{one.distinguished} of {one.of}",
-        "separation": one.separation,
-        "probability": share(one.probability),
-    }
 
 
 def sensor_plot(sensors: tuple[SensorSet, ...]) -> Plot | None:

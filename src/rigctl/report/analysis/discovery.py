@@ -3,15 +3,16 @@ formulas."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from markupsafe import Markup
 
+from rigctl.answers.blocks import Figure, Note, Sentence
+from rigctl.answers.discovery import discovery_answer, discovery_evidence
 from rigctl.answers.numbers import symbol
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.physics.family import ModelFamily, Slot
+from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
@@ -21,8 +22,13 @@ from rigctl.units import parse_unit
 _KINDS = (("command", "commands"), ("process", "the machine"), ("sensor", "readings"))
 #: size of the drawing, px
 _BOX, _GAP, _WIDTH, _HEAD = 20, 4, 250, 22
-#: places of the table
-_PLACES = 8
+_SLOTS = "the filled part is the share of the misfit that a smooth term there would explain"
+_READING = (
+    "Δ: by how much the criterion of a formula is above that of the best. Held out: the error on conditions "
+    "left out, in units of the noise, without it and with it. Tier A needs no dimensional constant of its "
+    "own; tier B does, and is the weaker claim. Where the band of a curve is wide, the data do not determine "
+    "it, or the fit absorbs it"
+)
 #: formulas that are drawn over the curve
 _DRAWN = 4
 
@@ -35,37 +41,15 @@ def discovery_sections(discovery: Discovery) -> list[Section]:
     for one in discovery.located:
         for name in (one.slot.name, *one.alike):
             shares[name] = max(shares.get(name, 0.0), one.share)
-    head, sentence = discovery.headed
-    body = render(
-        "discovery.html",
-        discovery=discovery,
-        head=head,
-        sentence=sentence,
-        slots=_slots(family, shares) if discovery.located else Markup(),
-        places=discovery.located[:_PLACES],
-        curves=[plot_slot(plot) for plot in plots],
-        formulas=[_row(one) for one in discovery.formulas],
-    )
+    answer = discovery_answer(discovery)
+    drawn = {plot.id: plot_slot(plot) for plot in plots}
+    places = [Figure("slots", "where in the machine", _SLOTS)] if discovery.located else []
+    if places:
+        drawn["slots"] = _slots(family, shares)
+    tables = [Note(_READING)] if discovery.formulas else []
+    head = Sentence(answer.sentence, answer.tone, answer.title)
+    body = page_blocks([head, *places, *discovery_evidence(discovery), *tables], drawn)
     return [Section("discovery", "A formula for what is missing", body, tuple(plots))]
-
-
-def _row(one: FoundFormula) -> dict[str, object]:
-    check = one.check
-    known = check is not None and math.isfinite(check.before)
-    return {
-        "name": one.name,
-        "delta": one.delta,
-        "tier": one.tier.letter,
-        "tier_text": one.tier.statement,
-        "before": check.before if known and check is not None else None,
-        "after": check.after if known and check is not None else None,
-        "accepted": one.accepted,
-        "term": one.term,
-        "parameters": ", ".join(f"{name} {value}" for name, value in one.parameters.items()),
-        "valid": one.valid_text,
-        "passive": one.passive,
-        "alike": ", ".join(one.alike),
-    }
 
 
 def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -> Plot:
