@@ -16,6 +16,7 @@ from rigctl.analysis.collected_evidence import evidence_for
 from rigctl.analysis.diagnosis_result import Ranked, Verdict
 from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.search import judgement
 from rigctl.analysis.search.identity import (
     Levels,
     certain_members,
@@ -27,7 +28,7 @@ from rigctl.analysis.search.identity import (
 from rigctl.analysis.search.judgement import Judgement, _sure_members, verdict_on
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.rivals import Rival
-from rigctl.analysis.search.search import Search, judgement
+from rigctl.analysis.search.search import Search
 from rigctl.answers import evidence as in_words
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import library

@@ -12,9 +12,10 @@ import pytest
 
 from linear_problem import PLAIN, compared, made_design, made_effect
 from rigctl.analysis.linear.size_scatter import SizeScatter
+from rigctl.analysis.search import certainty
 from rigctl.analysis.search.certainty import Answer, certain_levels
 from rigctl.analysis.search.remainder import Remainder
-from rigctl.analysis.search.search import Search, certainty
+from rigctl.analysis.search.search import Search
 
 REMAINDER = Remainder(0.01, 20.0, 1e-6, "", "", "", "1 % of the misfit is left, 20 sigma")
 NONE, LOCATION = (False, False, False), (True, False, False)
