@@ -28,7 +28,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def error(fitted: float, held_out: float) -> ModelError:
     return ModelError(
-        {"position": fitted}, {"position": held_out}, 10.0 * fitted, {"position": "mm"}, {"position": 0.02}
+        {"position": fitted}, 10.0 * fitted, {"position": held_out}, {"position": "mm"}, {"position": 0.02}
     )
 
 

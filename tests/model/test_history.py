@@ -49,7 +49,7 @@ def kept_files(head: Path) -> dict[str, bytes]:
 def test_the_first_change_saves_the_original_as_version_one(head: Path) -> None:
     before = head.read_bytes()
     changed = load_model(head).with_values({"flow_area": 3.3e-6}, std={"flow_area": 2e-9}, source="a fit")
-    error = ModelError({"position": 1.5}, {"position": 1.7}, 20.0, {"position": "mm"}, {"position": 0.2})
+    error = ModelError({"position": 1.5}, 20.0, {"position": 1.7}, {"position": "mm"}, {"position": 0.2})
     choice = {"hold_out": "oil == 60 degC", "only": "oil > 20 degC", "assume": ("heater=0",)}
     done = Change("fit", runs=("a", "b"), **choice, before=error, after=replace(error))
     when = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import BeforeValidator, PlainSerializer, TypeAdapter
 
 from rigctl.units import parse_unit
 
+#: a text that is null in a file where it is empty
+Note: TypeAlias = Annotated[
+    str, BeforeValidator(lambda text: text or ""), PlainSerializer(lambda text: text or None)
+]
+#: names, none in versions that were written before the field was
+Names: TypeAlias = Annotated[tuple[str, ...], BeforeValidator(lambda names: names or ())]
+#: figures by channel; one that was not finite is null in a file, and left out
+Figures: TypeAlias = Annotated[
+    Mapping[str, float],
+    BeforeValidator(lambda figures: {name: value for name, value in figures.items() if value is not None}),
+]
 Kind: TypeAlias = Literal["start", "fit", "add", "remove", "set", "edit"]
 
 
@@ -23,11 +36,11 @@ class ModelError:
     noise: the standard deviation of each channel's noise, if known: the lower limit of the error.
     """
 
-    rmse: Mapping[str, float]
-    heldout_rmse: Mapping[str, float] = field(default_factory=dict)
+    rmse: Figures
     chi2_reduced: float | None = None
+    heldout_rmse: Figures = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    noise: Mapping[str, float] = field(default_factory=dict)
+    noise: Figures = field(default_factory=dict)
 
     @staticmethod
     def from_si(
@@ -43,32 +56,15 @@ class ModelError:
         def shown(si: Mapping[str, float] | None) -> dict[str, float]:
             return {name: value / parse_unit(units[name]).factor for name, value in (si or {}).items()}
 
-        return ModelError(shown(rmse), shown(heldout_rmse), chi2_reduced, dict(units), shown(noise))
+        return ModelError(shown(rmse), chi2_reduced, shown(heldout_rmse), dict(units), shown(noise))
 
     def document(self) -> dict[str, Any]:
         """The JSON document."""
-        return {
-            "rmse": dict(self.rmse),
-            "chi2_reduced": self.chi2_reduced,
-            "heldout_rmse": dict(self.heldout_rmse),
-            "units": dict(self.units),
-            "noise": dict(self.noise),
-        }
-
-    @staticmethod
-    def of_document(written: Mapping[str, Any]) -> ModelError:
-        """The object that `document` describes; a figure that was not finite is left out."""
-        return ModelError(
-            rmse=_numbers(written["rmse"]),
-            heldout_rmse=_numbers(written["heldout_rmse"]),
-            chi2_reduced=written["chi2_reduced"],
-            units={str(name): str(unit) for name, unit in written["units"].items()},
-            noise=_numbers(written["noise"]),
-        )
+        document: dict[str, Any] = _ERROR.dump_python(self, mode="json")
+        return document
 
 
-def _numbers(written: Mapping[str, float | None]) -> dict[str, float]:
-    return {str(name): float(value) for name, value in written.items() if value is not None}
+_ERROR: Final = TypeAdapter(ModelError)
 
 
 @dataclass(frozen=True)
@@ -87,14 +83,14 @@ class Change:
     """
 
     kind: Kind
-    effect: str = ""
-    runs: tuple[str, ...] = ()
-    hold_out: str = ""
-    only: str = ""
-    assume: tuple[str, ...] = ()
+    effect: Note = ""
+    runs: Names = ()
+    hold_out: Note = ""
+    only: Note = ""
+    assume: Names = ()
     before: ModelError | None = None
     after: ModelError | None = None
-    note: str = ""
+    note: Note = ""
 
     def __str__(self) -> str:
         """In a few words, e.g. ``add piston_leakage``."""
@@ -103,31 +99,8 @@ class Change:
 
     def document(self) -> dict[str, Any]:
         """The JSON document."""
-        return {
-            "done": str(self),
-            "kind": self.kind,
-            "effect": self.effect or None,
-            "runs": list(self.runs),
-            "hold_out": self.hold_out or None,
-            "only": self.only or None,
-            "assume": list(self.assume),
-            "before": self.before.document() if self.before else None,
-            "after": self.after.document() if self.after else None,
-            "note": self.note or None,
-        }
+        return {"done": str(self), **CHANGE.dump_python(self, mode="json")}
 
-    @staticmethod
-    def of_document(written: Mapping[str, Any]) -> Change:
-        """The object that `document` describes."""
-        before, after = written["before"], written["after"]
-        return Change(
-            kind=written["kind"],
-            effect=written["effect"] or "",
-            runs=tuple(written["runs"]),
-            hold_out=written["hold_out"] or "",
-            only=written.get("only") or "",
-            assume=tuple(written.get("assume") or ()),
-            before=ModelError.of_document(before) if before else None,
-            after=ModelError.of_document(after) if after else None,
-            note=written["note"] or "",
-        )
+
+#: a change as it is written into a version's file, and read back
+CHANGE: Final = TypeAdapter(Change)

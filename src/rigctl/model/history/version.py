@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Final
 
-from rigctl.model.history.change import Change
+from pydantic import Field, TypeAdapter
+
+from rigctl.model.history.change import CHANGE, Change, Note
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,10 @@ class VersionValue:
     unit: str
     std: float | None
     fit: bool
-    source: str
+    source: Annotated[Note, Field(alias="from")]
+
+
+_VALUES: Final = TypeAdapter(Mapping[str, VersionValue])
 
 
 @dataclass(frozen=True)
@@ -54,16 +59,7 @@ class Version:
             "parent": self.parent,
             "time": self.time.isoformat(),
             **self.done.document(),
-            "values": {
-                name: {
-                    "value": stated.value,
-                    "unit": stated.unit,
-                    "std": stated.std,
-                    "fit": stated.fit,
-                    "from": stated.source or None,
-                }
-                for name, stated in self.values.items()
-            },
+            "values": _VALUES.dump_python(self.values, mode="json", by_alias=True),
             "file": self.head.name,
             "sha256": self.sha256,
         }
@@ -75,14 +71,9 @@ class Version:
             number=written["version"],
             parent=written["parent"],
             time=datetime.fromisoformat(written["time"]),
-            done=Change.of_document(written),
+            done=CHANGE.validate_python(written),
             head=head,
             file=file,
             sha256=written["sha256"],
-            values={
-                name: VersionValue(
-                    stated["value"], stated["unit"], stated["std"], stated["fit"], stated["from"] or ""
-                )
-                for name, stated in written["values"].items()
-            },
+            values=_VALUES.validate_python(written["values"]),
         )
