@@ -122,9 +122,10 @@ def survey(
         else "what has been read is kept, and the same command continues from there"
     )
     with progress_display("Reading the runs", message) as on_progress:
+        from rigctl.answers.survey import survey_answer, survey_evidence
         from rigctl.cli.analysis_page import require_page
+        from rigctl.cli.blocks import show_answer
         from rigctl.cli.commands.compare import open_models
-        from rigctl.cli.views.survey import show_survey
         from rigctl.dataset.outputs import require_output
         from rigctl.errors import ExitCode
         from rigctl.monitoring.survey import survey as surveyed
@@ -161,7 +162,8 @@ def survey(
     if as_json:
         print_json(result.document())
     else:
-        show_survey(result, [path for path in (output, junit) if path is not None], verbose=verbose)
+        written = [path for path in (output, junit) if path is not None]
+        show_answer(survey_answer(result, written), survey_evidence(result) if verbose else ())
     if alarm and result.verdict == "changed":
         raise typer.Exit(int(ExitCode.FAILED))
 

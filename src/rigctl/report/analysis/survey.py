@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -10,21 +11,30 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from rigctl.analysis.agreement.adequacy import chance
 from rigctl.analysis.decision_levels import INTERVAL, SURVEY_ALPHA
+from rigctl.answers.blocks import Block, Details, Figure, Note, Sentence
 from rigctl.answers.numbers import plural, symbol
+from rigctl.answers.survey import changes_table, failures, runs_table, survey_answer, tests_table
 from rigctl.dataset.outputs import is_page, require_output
 from rigctl.files.write import write_text
 from rigctl.monitoring.entries import DATE, ORDER
 from rigctl.monitoring.multiplicity import QuantitySeries
 from rigctl.monitoring.result import Survey
+from rigctl.report.blocks import page_blocks
 from rigctl.report.page import page
 from rigctl.report.plot import Look, Mark, Panel, Plot, Trace
 from rigctl.report.run_data import RunData
-from rigctl.report.section import Section, cut, plot_slot, render
+from rigctl.report.section import MOST_ROWS, Section, plot_slot
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit
 
+_LEVEL = (
+    f"where nothing changes, {100 * SURVEY_ALPHA:g} of 100 surveys report a change, provided that the level "
+    "does not drift slowly by itself: the p-values are corrected for the number of quantities, of runs at "
+    "which a change could have begun, and of runs after which it could have been detected"
+)
+_NO_OTHERS = "there are no other quantities"
+_AGREES = "agrees: the model, with what is free in each run, agrees with it within the noise"
 #: trends that are drawn
 _DRAWN = 12
 _DAY = 86_400.0
@@ -32,27 +42,35 @@ _DAY = 86_400.0
 
 def survey_sections(survey: Survey) -> list[Section]:
     """The statement with a chart of what changed and of the parameters, and the table of runs."""
-    courses = survey.shown()
-    plots = [_plot(survey, course, k) for k, course in enumerate(courses[:_DRAWN])]
-    first = plots[: max(1, len(survey.changes))]
-    body = render(
-        "survey.html",
-        survey=survey,
-        heading={"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}[
-            survey.verdict
-        ],
-        plots=[plot_slot(plot) for plot in first],
-        changes=[_change(survey, k) for k in range(len(survey.changes))],
-        level=f"{100 * SURVEY_ALPHA:g}",
-        tests=[_test(survey, k) for k in range(len(survey.judged.tested))],
-        remarks=[*survey.named.remarks, *survey.notes, *map(survey.note_text, survey.data_notes)],
-    )
-    others = render("survey_courses.html", plots=[plot_slot(plot) for plot in plots[len(first) :]])
-    return [
-        Section("survey", "What has changed", body, tuple(first)),
-        Section("courses", "Every quantity over the runs", others, tuple(plots[len(first) :])),
-        Section("runs", "The runs", _runs(survey, courses[:4]), ()),
+    plots = [_plot(survey, course, k) for k, course in enumerate(survey.shown()[:_DRAWN])]
+    first = tuple(plots[: max(1, len(survey.changes))])
+    others = tuple(plots[len(first) :])
+    answer = survey_answer(survey)
+    notes = [survey.note_text(note) for note in survey.data_notes]
+    blocks: list[Block] = [
+        Sentence(survey.statement, answer.tone, answer.title),
+        *(Figure(plot.id, plot.caption) for plot in first),
+        *changes_table(survey),
+        Note(_LEVEL),
+        *map(Note, (*survey.named.remarks, *survey.notes, *notes)),
+        Details("all quantities that were tested", (tests_table(survey),)),
     ]
+    rest: list[Block] = [Figure(plot.id, plot.caption) for plot in others]
+    runs = [runs_table(survey, MOST_ROWS), Note(_AGREES), *failures(survey)]
+    return [
+        Section("survey", "What has changed", page_blocks(blocks, _slots(first)), first),
+        Section(
+            "courses",
+            "Every quantity over the runs",
+            page_blocks(rest or [Note(_NO_OTHERS)], _slots(others)),
+            others,
+        ),
+        Section("runs", "The runs", page_blocks(runs), ()),
+    ]
+
+
+def _slots(plots: Sequence[Plot]) -> dict[str, Markup]:
+    return {plot.id: plot_slot(plot) for plot in plots}
 
 
 def write_survey_page(survey: Survey, rig: str, output: Path, *, force: bool = False) -> None:
@@ -137,55 +155,3 @@ def _shape(
     begins = max(change.shape.begins - 1, 0)
     before, after = shown(change.shape.before), shown(change.shape.after)
     return np.array([x[0], x[begins], x[-1]]), np.array([before, before, after])
-
-
-def _change(survey: Survey, number: int) -> dict[str, str]:
-    change = survey.changes[number]
-    early, late = survey.between(change)
-    return {
-        "name": plain_name(change.quantity.name),
-        "before": survey.amount(change.quantity, change.shape.before, change.shape.before_std),
-        "after": survey.amount(change.quantity, change.shape.after, change.shape.after_std),
-        "between": f"{early} to {late}",
-        "first": survey.read[min(change.first_sure, len(survey.read)) - 1].entry.label,
-        "chance": chance(change.p_value),
-        "alike": ", ".join(plain_name(name) for name in change.alike),
-    }
-
-
-def _test(survey: Survey, number: int) -> dict[str, str]:
-    one = survey.judged.tested[number]
-    quantity, read = one.course.quantity, survey.read
-    between = "not known" if one.between is None else survey.amount_difference(quantity, one.between)
-    return {
-        "name": plain_name(quantity.name),
-        "kind": {"parameter": "of each run", "held": "shared", "effect": "effect"}[quantity.kind],
-        "between": between,
-        "chance": "not tested" if one.p_value is None else chance(one.p_value),
-        "apart": ", ".join(read[k].entry.label for k in one.apart[:3]),
-    }
-
-
-def _runs(survey: Survey, courses: tuple[QuantitySeries, ...]) -> Markup:
-    lines, left_out = cut(survey.lines)
-    return render(
-        "survey_runs.html",
-        over=plain_name(survey.axis.name),
-        heads=[f"{plain_name(c.quantity.name)} [{symbol(c.quantity.unit)}]" for c in courses],
-        rows=[
-            {
-                "label": line.entry.label,
-                "over": survey.axis.text(line.entry),
-                "failed": line.failed,
-                "agrees": "" if line.reading is None else "yes" if line.reading.adequate else "no",
-                "values": [
-                    ""
-                    if line.reading is None
-                    else survey.bare(course.quantity, course.values[line.index], course.std[line.index])
-                    for course in courses
-                ],
-            }
-            for line in lines
-        ],
-        left_out=left_out,
-    )
