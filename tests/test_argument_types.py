@@ -12,7 +12,7 @@ import pytest
 
 import rigctl
 from rigctl.argument_types import _types, checks_argument_types
-from rigctl.runner.operator import Operator
+from rigctl.runner.operators.operator import Operator
 
 ROOT = Path(__file__).parents[1]
 

@@ -21,7 +21,7 @@ from rigctl.clock import real_clock
 from rigctl.dataset import RunWriter, open_run
 from rigctl.dataset.disk_thread import BackgroundWriter
 from rigctl.files.shipped import shipped
-from rigctl.runner.automatic_operator import AutomaticOperator
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.session import run
 from rigctl.testing import VirtualBench
 

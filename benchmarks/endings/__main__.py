@@ -30,7 +30,7 @@ from rigctl.dataset.header import source_of_rig
 from rigctl.files.shipped import shipped
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig, load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.session import run
 
 ENDINGS = int(sys.argv[1]) if len(sys.argv) > 1 else 30

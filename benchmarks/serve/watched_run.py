@@ -16,9 +16,9 @@ import numpy as np
 from rigctl.dataset.disk_thread import BackgroundWriter
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.bench_access import clock_for
 from rigctl.runner.launch import Launch, launch
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 
 PROCEDURE = """\
 procedure: watched

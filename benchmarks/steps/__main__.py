@@ -19,7 +19,7 @@ from rigctl.files.shipped import shipped
 from rigctl.plan import Plan
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.session import run
 
 STEPS = 20_000

@@ -17,10 +17,10 @@ from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator, scripted
 from rigctl.runner.bench_access import UNREAL, bench_options, clock_for
 from rigctl.runner.launch import Launch, launch
-from rigctl.runner.operator import Operator
+from rigctl.runner.operators.automatic_operator import AutomaticOperator, scripted
+from rigctl.runner.operators.operator import Operator
 from rigctl.runner.session import Observer, RunResult
 
 

@@ -31,7 +31,7 @@ from rigctl.clock import real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig, parse_rig
-from rigctl.rig.modbus import Modbus
+from rigctl.rig.protocols.modbus import Modbus
 
 RIG = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
 PATIENT = parse_rig(patient(RIG.text))

@@ -13,7 +13,7 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import VirtualClock
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
-from rigctl.runner.requests import Order, Request
+from rigctl.runner.operators.requests import Order, Request
 from run_workshop import Done, ScriptedControl, Workshop
 from tclab_board import MemoryPort, Sketch
 

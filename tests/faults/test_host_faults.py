@@ -20,8 +20,8 @@ from patience import no_silence
 from rigctl.clock import ScaledClock, VirtualClock
 from rigctl.dataset import RunWriter, open_run, verify
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.launch import Launch
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.resume import open_interrupted, relaunch
 from run_workshop import RIG, Workshop
 

@@ -16,7 +16,7 @@ from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from rigctl.planning.rates import refuse_rates
 from rigctl.rig import Limit
-from rigctl.runner.requests import Order, Request
+from rigctl.runner.operators.requests import Order, Request
 from run_workshop import Done, ScriptedControl, Workshop
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")

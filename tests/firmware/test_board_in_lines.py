@@ -15,9 +15,9 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig, load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.bench_access import clock_for
 from rigctl.runner.launch import Launch, launch
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from rigctl.clock import VirtualClock
 from rigctl.dataset import RunWriter
 from rigctl.dataset.run import open_run
 from rigctl.errors import ExitCode
-from rigctl.runner.requests import Request
+from rigctl.runner.operators.requests import Request
 from run_workshop import ScriptedControl
 
 Do = Callable[..., Any]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rigctl.runner.requests import Request
+from rigctl.runner.operators.requests import Request
 from run_workshop import ScriptedControl
 
 Do = Callable[..., Any]

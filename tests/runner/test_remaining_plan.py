@@ -14,10 +14,10 @@ from rigctl.errors import RigctlError
 from rigctl.plan import Group, Node
 from rigctl.procedure import expand, load_procedure
 from rigctl.rig import load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.launch import Launch, launch
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
+from rigctl.runner.operators.requests import Request
 from rigctl.runner.remaining_plan import record_paths, remaining, setup_before
-from rigctl.runner.requests import Request
 from rigctl.runner.resume import open_interrupted, relaunch
 from run_workshop import RIG, ScriptedControl
 

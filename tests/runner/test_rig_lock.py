@@ -17,11 +17,11 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig, parse_rig
 from rigctl.runner import rig_lock as locks
-from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.bench_access import Access, held
 from rigctl.runner.launch import Launch
 from rigctl.runner.manual import watch
-from rigctl.runner.requests import Request
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
+from rigctl.runner.operators.requests import Request
 from rigctl.runner.rig_lock import RigLock, owners, read_owner
 from rigctl.runner.snapshot import View
 from rigctl.runner.switch_off import switch_off

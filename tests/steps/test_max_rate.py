@@ -11,7 +11,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.planning import preview
 from rigctl.rig import parse_rig
-from rigctl.runner.requests import Order, Request
+from rigctl.runner.operators.requests import Order, Request
 from rigctl.testing import ScriptedControl, VirtualBench, assert_finished
 
 SLOW = 'heater_1: {kind: level, unit: "%", low: 0 %, high: 100 %, max_rate: 5 %/s,'

@@ -15,8 +15,8 @@ from rigctl.files.shipped import shipped
 from rigctl.plan import Plan
 from rigctl.planning import preview
 from rigctl.rig import Rig, parse_rig
+from rigctl.runner.operators.requests import Order, Request
 from rigctl.runner.remaining_plan import record_paths, remaining
-from rigctl.runner.requests import Order, Request
 from rigctl.testing import ScriptedControl, VirtualBench
 from run_workshop import Workshop
 

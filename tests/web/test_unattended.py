@@ -12,7 +12,7 @@ from typing import Any
 
 from rigctl.dataset.writer_lock import read_state
 from rigctl.files.shipped import shipped
-from rigctl.runner.remote_control import CONTROL_NAME
+from rigctl.runner.operators.remote_control import CONTROL_NAME
 from web.serving import serving
 from web.watched import listening, wait_for
 

@@ -22,8 +22,8 @@ from rigctl.errors import RigctlError
 from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig, load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.launch import Launch, carry_out, header_of
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.session import RunResult
 from rigctl_validation.bench.campaign import Campaign
 from rigctl_validation.bench.record import Condition

@@ -42,10 +42,10 @@ def attended(
             yield ready
         return
     from rigctl.live import view
-    from rigctl.runner.automatic_operator import AutomaticOperator, refuse_questions, scripted
-    from rigctl.runner.console import Console
-    from rigctl.runner.keys import HELP, input_is_empty
-    from rigctl.runner.operator import Operator
+    from rigctl.runner.operators.automatic_operator import AutomaticOperator, refuse_questions, scripted
+    from rigctl.runner.operators.console import Console
+    from rigctl.runner.operators.keys import HELP, input_is_empty
+    from rigctl.runner.operators.operator import Operator
 
     kind = how.backend or plan.rig.backend.kind
     by_hand = kind not in _UNATTENDED and not answers
@@ -71,8 +71,8 @@ def attended(
 def _remote(how: Launch, plan: Plan) -> Iterator[Launch]:
     """The launch with an operator in a browser."""
     from rigctl.live import view
-    from rigctl.runner.control_thread import beside
-    from rigctl.runner.remote_operator import RemoteOperator
+    from rigctl.runner.operators.control_thread import beside
+    from rigctl.runner.operators.remote_operator import RemoteOperator
 
     operator = RemoteOperator(how.person, how.runs)
     with view(plan) as display:
@@ -188,6 +188,6 @@ def say_warnings(warnings: Sequence[str]) -> None:
 
 def typing_possible() -> bool:
     """Whether a person can type here: stdin is a terminal."""
-    from rigctl.runner.keys import is_terminal
+    from rigctl.runner.operators.keys import is_terminal
 
     return is_terminal(sys.stdin)

@@ -8,8 +8,8 @@ from typing import Final
 
 from rigctl.backends.transport.address_key import is_serial_line
 from rigctl.rig import Rig
-from rigctl.rig.lines import Lines
-from rigctl.rig.modbus import BITS, Modbus
+from rigctl.rig.protocols.lines import Lines
+from rigctl.rig.protocols.modbus import BITS, Modbus
 from rigctl.rig.rates import BAUDS
 
 #: of a sample in the stream of rigctl's own board, see docs/reference/board-protocol.md

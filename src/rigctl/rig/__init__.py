@@ -5,8 +5,8 @@ from rigctl.rig.calibration import Calibration, Raw
 from rigctl.rig.channel import Channel
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
-from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.load import load_rig, parse_rig
+from rigctl.rig.protocols.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.rig import Backend, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
 from rigctl.rig.simulation import Simulation

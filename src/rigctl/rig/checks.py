@@ -9,11 +9,11 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.amount import Amount
 from rigctl.rig.calibration import monotonic
 from rigctl.rig.channel import QUANTITIES, Channel
-from rigctl.rig.client_checks import node_problems, register_problems
 from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
 from rigctl.rig.layout import RECORD, TIME
-from rigctl.rig.line_checks import line_problems
 from rigctl.rig.problem import Problem
+from rigctl.rig.protocols.client_checks import node_problems, register_problems
+from rigctl.rig.protocols.line_checks import line_problems
 from rigctl.rig.rig import Rig
 from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import interval_unit, parse_unit

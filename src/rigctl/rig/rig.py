@@ -23,10 +23,10 @@ from rigctl.rig.channel import Channel
 from rigctl.rig.clock import Clock
 from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
-from rigctl.rig.lines import Lines
-from rigctl.rig.modbus import Modbus
-from rigctl.rig.opcua import OpcUa
 from rigctl.rig.possible_sensors import PossibleChannel
+from rigctl.rig.protocols.lines import Lines
+from rigctl.rig.protocols.modbus import Modbus
+from rigctl.rig.protocols.opcua import OpcUa
 from rigctl.rig.rates import BOARD_RATES, FASTEST
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting

@@ -19,8 +19,8 @@ from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.missing import Lack
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
-from rigctl.runner.attendance import Attendance
-from rigctl.runner.operator import Operator
+from rigctl.runner.operators.attendance import Attendance
+from rigctl.runner.operators.operator import Operator
 from rigctl.runner.recent_samples import History
 from rigctl.runner.recorder import Recorder
 

@@ -14,7 +14,7 @@ from rigctl.rig import Channel, Rig, parse_rig
 from rigctl.rig.calibration_fit import Point
 from rigctl.runner.bench_access import Access
 from rigctl.runner.manual import Reading, watch
-from rigctl.runner.operator import Operator, read_answer
+from rigctl.runner.operators.operator import Operator, read_answer
 from rigctl.units import significant
 
 #: typed instead of a value, to discard the last point

@@ -25,10 +25,10 @@ from rigctl.plan import Plan
 from rigctl.plan.identity import NAMES, settled
 from rigctl.planning.rates import refuse_rates
 from rigctl.runner.bench_access import Access, held, opened
-from rigctl.runner.control_thread import beside
-from rigctl.runner.operator import Operator
+from rigctl.runner.operators.control_thread import beside
+from rigctl.runner.operators.operator import Operator
+from rigctl.runner.operators.requests import RESPONSE, Control
 from rigctl.runner.remaining_plan import Resume
-from rigctl.runner.requests import RESPONSE, Control
 from rigctl.runner.rig_lock import RigLock
 from rigctl.runner.session import Observer, RunResult, run
 

@@ -9,11 +9,11 @@ from time import perf_counter, sleep
 
 from rigctl.plan.behaviour import OnPause, Row, Until
 from rigctl.plan.outcomes import Aborted, Ending, Outcome, StepFailed
-from rigctl.runner.attendance import Attendance
 from rigctl.runner.bench import Bench
-from rigctl.runner.requests import RESPONSE, Control, Order, Request
+from rigctl.runner.operators.attendance import Attendance
+from rigctl.runner.operators.requests import RESPONSE, Control, Order, Request
+from rigctl.runner.operators.signals import Signals
 from rigctl.runner.sampling import Sampling
-from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.step_errors import ending_for
 from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker

@@ -14,12 +14,12 @@ from rigctl.plan import Plan
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig
 from rigctl.runner.bench_access import UNREAL, Access, held, opened
-from rigctl.runner.control_thread import beside
 from rigctl.runner.interlocks import Alarm, Interlocks
 from rigctl.runner.launch import Launch
+from rigctl.runner.operators.control_thread import beside
+from rigctl.runner.operators.signals import Signals
 from rigctl.runner.recorder import Unrecorded
 from rigctl.runner.session import RunResult, run
-from rigctl.runner.signals import Signals
 
 #: longest response time to Ctrl-C, s of wall time
 _RESPONSE = 0.1

@@ -25,7 +25,7 @@ from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import read_text
 from rigctl.files.write import replace_file
 from rigctl.json_values import parse_json
-from rigctl.runner.requests import Order, Request
+from rigctl.runner.operators.requests import Order, Request
 
 if TYPE_CHECKING:
     from rigctl.runner.snapshot import View

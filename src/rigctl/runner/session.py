@@ -18,19 +18,19 @@ from rigctl.plan import Leaf, Plan, all_nodes
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.planning.rates import refuse_slow_answers
 from rigctl.runner.bench import Bench
-from rigctl.runner.control_thread import Watching, beside
 from rigctl.runner.interlocks import Interlocks
 from rigctl.runner.main_loop import Driver, Quit
-from rigctl.runner.operator import Operator
+from rigctl.runner.operators.control_thread import Watching, beside
+from rigctl.runner.operators.operator import Operator
+from rigctl.runner.operators.remote_control import ControlFile
+from rigctl.runner.operators.remote_operator import RemoteOperator
+from rigctl.runner.operators.requests import RESPONSE, Control
+from rigctl.runner.operators.signals import Signals
 from rigctl.runner.progress import progress_of
 from rigctl.runner.recent_samples import history_for
 from rigctl.runner.recorder import Recorder
 from rigctl.runner.remaining_plan import Resume
-from rigctl.runner.remote_control import ControlFile
-from rigctl.runner.remote_operator import RemoteOperator
-from rigctl.runner.requests import RESPONSE, Control
 from rigctl.runner.sampling import RunWarning, Sampling
-from rigctl.runner.signals import Signals
 from rigctl.runner.snapshot import View
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.step_errors import ending_for

@@ -15,9 +15,9 @@ from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.bench_access import clock_for
 from rigctl.runner.launch import Launch, launch
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.session import Observer, RunResult
 
 

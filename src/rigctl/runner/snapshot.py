@@ -37,7 +37,7 @@ class View:
     happenings: the newest events, oldest first.
     question: the open question to the operator, or None.
     asked: the question alone, without the text typed so far.
-    remote: whether it can be answered remotely, see `rigctl.runner.remote_operator`.
+    remote: whether it can be answered remotely, see `rigctl.runner.operators.remote_operator`.
     message: why the run ended, or what it is waiting for.
     unconfirmed: outputs that may still be on although they were to be made safe, or None.
     """

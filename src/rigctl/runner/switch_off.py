@@ -15,8 +15,8 @@ from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
 from rigctl.runner.bench_access import UNREAL, Access, address_in, opened, rig_lock
-from rigctl.runner.remote_control import send
-from rigctl.runner.requests import Request
+from rigctl.runner.operators.remote_control import send
+from rigctl.runner.operators.requests import Request
 from rigctl.runner.rig_lock import owners
 
 #: s of wall time for a run to answer, and again to report that its outputs are safe

@@ -20,7 +20,7 @@ from rigctl.files.shipped import shipped
 from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure, parse_procedure
 from rigctl.rig import Rig, load_rig, parse_rig
-from rigctl.runner.automatic_operator import AutomaticOperator
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.session import run
 from rigctl.testing.run_log import RunLog
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from rigctl.runner.requests import Order, Request
+from rigctl.runner.operators.requests import Order, Request
 from rigctl.runner.snapshot import View
 
 

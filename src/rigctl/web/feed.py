@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rigctl.dataset import journal, log
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import RigctlError
-from rigctl.runner.remote_operator import PRESENCE_EVERY, awaits_person, send_presence
+from rigctl.runner.operators.remote_operator import PRESENCE_EVERY, awaits_person, send_presence
 from rigctl.web.decimation import Thinning, envelope
 from rigctl.web.recent_rows import KeptRows
 from rigctl.web.set_points import SetPoints

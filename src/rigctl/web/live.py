@@ -98,8 +98,8 @@ class Live:
 
     def request(self, request: PageRequest) -> dict[str, Any]:
         """Pause, continue or abort a run, as the commands of these names do."""
-        from rigctl.runner.remote_control import send
-        from rigctl.runner.requests import Request
+        from rigctl.runner.operators.remote_control import send
+        from rigctl.runner.operators.requests import Request
 
         name = request.text("request")
         try:
@@ -114,7 +114,7 @@ class Live:
 
     def answer(self, request: PageRequest) -> dict[str, Any]:
         """Answer the operator's question of a run that was started from this page."""
-        from rigctl.runner.remote_operator import send_answer
+        from rigctl.runner.operators.remote_operator import send_answer
 
         folder = self._folder(request.text("run"))
         self._lease.take(request.viewer, over=False)

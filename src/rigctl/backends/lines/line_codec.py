@@ -6,7 +6,7 @@ import math
 
 from rigctl.errors import RigctlError
 from rigctl.rig import LineActuator, Lines, Rig
-from rigctl.rig.line_pattern import read_number, resolution
+from rigctl.rig.protocols.line_pattern import read_number, resolution
 from rigctl.rig.setting import POSITIONS
 from rigctl.units import parse_unit
 

@@ -12,7 +12,7 @@ from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Query, Rig
-from rigctl.rig.line_pattern import read_number
+from rigctl.rig.protocols.line_pattern import read_number
 from rigctl.wording import number_of
 
 _SLACK = 1e-6  # s; the times of a grid are sums of rounded numbers

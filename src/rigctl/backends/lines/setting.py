@@ -13,7 +13,7 @@ from rigctl.backends.protocol import CommandReceipt
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.rig import Exchange, Lines, Query, Rig
-from rigctl.rig.line_pattern import VALUE
+from rigctl.rig.protocols.line_pattern import VALUE
 
 
 @dataclass(frozen=True)

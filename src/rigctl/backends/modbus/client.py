@@ -1,4 +1,4 @@
-"""The client of a Modbus device: translates `rigctl.rig.client_lines` to requests for registers.
+"""The client of a Modbus device: translates `rigctl.rig.protocols.client_lines` to requests for registers.
 
 pymodbus implements the protocol, in the thread of a `ClientPort`.
 """
@@ -78,7 +78,7 @@ class ModbusClient:
             raise PortLost(f"{url}: {serial if modbus_tcp_address(url) is None else 'nobody is there'}")
 
     def answer(self, line: str) -> str | None:
-        """Return the answer to a line of `rigctl.rig.client_lines`."""
+        """Return the answer to a line of `rigctl.rig.protocols.client_lines`."""
         self._require_connection()
         name, _, argument = line.partition(" ")
         try:

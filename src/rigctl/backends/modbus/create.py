@@ -14,7 +14,7 @@ from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
-from rigctl.rig.modbus import Modbus, Order, Register
+from rigctl.rig.protocols.modbus import Modbus, Order, Register
 from rigctl.rig.rates import BAUDS
 
 OPTIONS = ("port", "baud")

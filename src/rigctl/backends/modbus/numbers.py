@@ -34,7 +34,7 @@ class Place:
     ----------
     table: ``coil``, ``discrete``, ``input`` or ``holding``.
     address: from 0.
-    kind: `rigctl.rig.modbus.NumberType`.
+    kind: `rigctl.rig.protocols.modbus.NumberType`.
     swap_bytes, swap_words: whether the order of bytes or words is little-endian.
     scale, offset: number = register * scale + offset.
     invalid: content of the register for a missing value; None if there is always a value.

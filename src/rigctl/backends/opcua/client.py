@@ -1,4 +1,4 @@
-"""The client of an OPC UA server: translates `rigctl.rig.client_lines` to reads and writes of nodes.
+"""The client of an OPC UA server: reads and writes of nodes for `rigctl.rig.protocols.client_lines`.
 
 asyncua implements the protocol, in its own event loop; the thread of a `ClientPort` waits for it.
 """
@@ -49,7 +49,7 @@ def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort
 
 @dataclass(frozen=True)
 class _Item:
-    """A node and the scale of its number; fields as in `rigctl.rig.opcua`."""
+    """A node and the scale of its number; fields as in `rigctl.rig.protocols.opcua`."""
 
     node: str
     scale: float
@@ -151,7 +151,7 @@ class OpcUaClient:
             raise
 
     def answer(self, line: str) -> str | None:
-        """Return the answer to a line of `rigctl.rig.client_lines`."""
+        """Return the answer to a line of `rigctl.rig.protocols.client_lines`."""
         name, _, argument = line.partition(" ")
         try:
             answer = self._waited(self._carry_out(name, argument), self._timeout)

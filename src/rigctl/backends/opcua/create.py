@@ -12,7 +12,7 @@ from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
-from rigctl.rig.opcua import Node, OpcUa, ReadNode
+from rigctl.rig.protocols.opcua import Node, OpcUa, ReadNode
 
 OPTIONS = ("port",)
 

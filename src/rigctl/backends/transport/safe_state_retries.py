@@ -237,7 +237,7 @@ class SafeStateRetries:
 
     def _exchange(self, port: Port, order: SafeOrder) -> dict[str, str]:
         """Send one line and read its answer, if it has one; return the texts in it."""
-        from rigctl.rig.line_pattern import reply_pattern, says
+        from rigctl.rig.protocols.line_pattern import reply_pattern, says
 
         texts: dict[str, str] = {}
         self._silent = False

@@ -151,7 +151,7 @@ def _from_bench(
     """Take the points; messages for the operator go to stderr."""
     from rigctl.cli.commands.manual import access_of
     from rigctl.runner.calibrate import take_points
-    from rigctl.runner.console import Console
+    from rigctl.runner.operators.console import Console
 
     how = access_of(rig, backend, port, speed)
     with Console("operator") as console:

@@ -11,7 +11,7 @@ from rigctl.cli.echo import echo, print_json
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
-    from rigctl.runner.requests import Request
+    from rigctl.runner.operators.requests import Request
 
 Ref = Annotated[
     str | None,
@@ -27,7 +27,7 @@ def pause(run: Ref = None, *, as_json: Json = False) -> None:
 
     Example: rigctl pause
     """
-    from rigctl.runner.requests import Request
+    from rigctl.runner.operators.requests import Request
 
     _ask(run, Request.PAUSE, as_json)
 
@@ -37,7 +37,7 @@ def continue_(run: Ref = None, *, as_json: Json = False) -> None:
 
     Example: rigctl continue
     """
-    from rigctl.runner.requests import Request
+    from rigctl.runner.operators.requests import Request
 
     _ask(run, Request.CONTINUE, as_json)
 
@@ -47,14 +47,14 @@ def abort(run: Ref = None, *, as_json: Json = False) -> None:
 
     Example: rigctl abort
     """
-    from rigctl.runner.requests import Request
+    from rigctl.runner.operators.requests import Request
 
     _ask(run, Request.ABORT, as_json)
 
 
 def _ask(run: str | None, request: Request, as_json: bool) -> None:
     from rigctl.dataset import find_run
-    from rigctl.runner.remote_control import send
+    from rigctl.runner.operators.remote_control import send
 
     folder = find_run(run) if run is not None else _in_progress()
     answer = send(folder, request)

@@ -37,7 +37,7 @@ def emulate(
     from rigctl.project import find_project
     from rigctl.rig import load_rig
     from rigctl.runner.bench_access import clock_for
-    from rigctl.runner.signals import Signals
+    from rigctl.runner.operators.signals import Signals
 
     if speed == "max":
         raise RigctlError("other clients run in real time", value=speed, expected="1x, or e.g. 5x")

@@ -289,9 +289,9 @@ def _require_bench(plan: Plan, bench: Mapping[str, Any]) -> None:
 def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> Launch:
     """The access of round `number` to its bench."""
     from rigctl.project import find_project
-    from rigctl.runner.automatic_operator import AutomaticOperator
     from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch
+    from rigctl.runner.operators.automatic_operator import AutomaticOperator
     from rigctl.runner.simulation import simulation_launch
 
     kind = bench.get("backend") or plan.rig.backend_named()

@@ -111,11 +111,11 @@ def jog(
     """
     from rigctl.cli.attended_run import report_end
     from rigctl.cli.options.quantities import read_option
-    from rigctl.runner.automatic_operator import AutomaticOperator
-    from rigctl.runner.console import Console
     from rigctl.runner.launch import operated
     from rigctl.runner.manual import jog as carry_out
     from rigctl.runner.manual import needs_person
+    from rigctl.runner.operators.automatic_operator import AutomaticOperator
+    from rigctl.runner.operators.console import Console
 
     bench = open_rig(rig)
     if duration is not None:

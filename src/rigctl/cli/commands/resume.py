@@ -35,9 +35,9 @@ def resume(
     from rigctl.cli.attended_run import attended, person_in_charge, report_end
     from rigctl.dataset import find_run
     from rigctl.dataset.day_folders import runs_root
-    from rigctl.runner.automatic_operator import AutomaticOperator
     from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch
+    from rigctl.runner.operators.automatic_operator import AutomaticOperator
     from rigctl.runner.resume import open_interrupted, relaunch
 
     if speed is not None:

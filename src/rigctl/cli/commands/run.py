@@ -70,9 +70,9 @@ def run(
     from rigctl.cli.options.serve import shown
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.project import find_project
-    from rigctl.runner.automatic_operator import AutomaticOperator
     from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch, launch
+    from rigctl.runner.operators.automatic_operator import AutomaticOperator
 
     plan = open_plan(procedure, rig, arg or ())
     runs = find_project().runs

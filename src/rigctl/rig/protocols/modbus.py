@@ -13,8 +13,8 @@ from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
-from rigctl.rig.client_lines import Every, Positions, Tries, client_lines
-from rigctl.rig.lines import WATCHDOG, Lines, Watchdog
+from rigctl.rig.protocols.client_lines import Every, Positions, Tries, client_lines
+from rigctl.rig.protocols.lines import WATCHDOG, Lines, Watchdog
 
 _Seconds = Annotated[float, Q("s", positive=True)]
 Table = Literal["coil", "discrete", "input", "holding"]

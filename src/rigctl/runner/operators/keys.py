@@ -11,10 +11,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Protocol, TextIO
 
-from rigctl.runner.requests import Request
+from rigctl.runner.operators.requests import Request
 
 if sys.platform == "win32":
-    from rigctl.runner import windows_input
+    from rigctl.runner.operators import windows_input
 
 #: request of each key to a run in progress, with its description
 KEYS = {"p": Request.PAUSE, "c": Request.CONTINUE, "a": Request.ABORT, "q": Request.ABORT}

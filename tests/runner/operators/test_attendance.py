@@ -12,9 +12,9 @@ from rigctl.backends.errors import OutputsNotSafe
 from rigctl.clock import ScaledClock
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.rig import Rig
-from rigctl.runner.remote_control import CONTROL_NAME
-from rigctl.runner.remote_operator import PRESENCE_EVERY, RemoteOperator, send_presence
-from rigctl.runner.requests import Request
+from rigctl.runner.operators.remote_control import CONTROL_NAME
+from rigctl.runner.operators.remote_operator import PRESENCE_EVERY, RemoteOperator, send_presence
+from rigctl.runner.operators.requests import Request
 from rigctl.runner.snapshot import View
 from run_workshop import Done, ScriptedControl, Workshop
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rigctl.runner.signals import Signals
+from rigctl.runner.operators.signals import Signals
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs SIGHUP")
 

@@ -22,8 +22,8 @@ from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.files.write import replace_file, to_json
 from rigctl.json_values import parse_json
-from rigctl.runner.appended_lines import LONGEST_LINE, AppendedLines
-from rigctl.runner.requests import Order, Request
+from rigctl.runner.operators.appended_lines import LONGEST_LINE, AppendedLines
+from rigctl.runner.operators.requests import Order, Request
 
 if TYPE_CHECKING:
     from rigctl.runner.snapshot import View

@@ -12,8 +12,8 @@ from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
-from rigctl.rig.client_lines import Every, Positions, Tries, client_lines
-from rigctl.rig.lines import Lines, Watchdog
+from rigctl.rig.protocols.client_lines import Every, Positions, Tries, client_lines
+from rigctl.rig.protocols.lines import Lines, Watchdog
 
 _Seconds = Annotated[float, Q("s", positive=True)]
 

@@ -12,7 +12,7 @@ from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.files.refusal import refusal
 from rigctl.rig.base import Part
-from rigctl.rig.line_pattern import (
+from rigctl.rig.protocols.line_pattern import (
     ReplyLines,
     ReplyPattern,
     ReplyText,

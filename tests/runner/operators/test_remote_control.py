@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from rigctl.errors import RigctlError
-from rigctl.runner.remote_control import CONTROL_NAME, ControlFile, send, write_line
-from rigctl.runner.requests import Order, Request
+from rigctl.runner.operators.remote_control import CONTROL_NAME, ControlFile, send, write_line
+from rigctl.runner.operators.requests import Order, Request
 from rigctl.runner.snapshot import View
 
 

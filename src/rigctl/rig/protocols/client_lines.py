@@ -16,9 +16,9 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.channel import Channel
-from rigctl.rig.lines import Lines
-from rigctl.rig.positions import position_problems
 from rigctl.rig.problem import Problem
+from rigctl.rig.protocols.lines import Lines
+from rigctl.rig.protocols.positions import position_problems
 from rigctl.rig.setting import POSITIONS
 
 _MARGIN = 0.2  # allowance for the transfer of an answer from the client to the bench, s

@@ -1,8 +1,8 @@
 """A remote operator: answers come through the same file as requests.
 
 A run that was started from the web page has no terminal. Its questions are in its heartbeat, visible to all;
-an answer is a line appended to `rigctl.runner.remote_control.CONTROL_NAME`, which names the question that it
-answers.
+an answer is a line appended to `rigctl.runner.operators.remote_control.CONTROL_NAME`, which names its
+question.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.json_values import parse_json
 from rigctl.plan.behaviour import Answer, Question
-from rigctl.runner.appended_lines import AppendedLines
-from rigctl.runner.operator import read_answer
-from rigctl.runner.remote_control import CONTROL_NAME, sender, write_line
-from rigctl.runner.requests import Order
+from rigctl.runner.operators.appended_lines import AppendedLines
+from rigctl.runner.operators.operator import read_answer
+from rigctl.runner.operators.remote_control import CONTROL_NAME, sender, write_line
+from rigctl.runner.operators.requests import Order
 from rigctl.runner.snapshot import View
 
 _ANSWER: Final = "answer"

@@ -15,12 +15,12 @@ import pytest
 from rigctl.cli.attended_run import attended
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Question
-from rigctl.runner.automatic_operator import AutomaticOperator, ScriptedOperator
-from rigctl.runner.console import Console
-from rigctl.runner.keys import _PosixKeys, input_is_empty, is_terminal, open_keys
 from rigctl.runner.launch import Launch
-from rigctl.runner.operator import read_answer
-from rigctl.runner.requests import Request
+from rigctl.runner.operators.automatic_operator import AutomaticOperator, ScriptedOperator
+from rigctl.runner.operators.console import Console
+from rigctl.runner.operators.keys import _PosixKeys, input_is_empty, is_terminal, open_keys
+from rigctl.runner.operators.operator import read_answer
+from rigctl.runner.operators.requests import Request
 from run_workshop import Workshop
 
 TIME = Question("Flow time?", name="flow_time", unit="s", low=1.0, high=600.0)

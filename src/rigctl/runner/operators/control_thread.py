@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from rigctl.clock import Clock
-from rigctl.runner.requests import Control, Order
+from rigctl.runner.operators.requests import Control, Order
 from rigctl.runner.snapshot import View
 
 _LOOK = 0.05  # s of wall time between two looks

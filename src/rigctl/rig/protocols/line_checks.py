@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from itertools import chain
 
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.rig.line_pattern import VALUE
-from rigctl.rig.lines import Exchange, LineActuator, Lines
-from rigctl.rig.positions import position_problems
 from rigctl.rig.problem import Problem
+from rigctl.rig.protocols.line_pattern import VALUE
+from rigctl.rig.protocols.lines import Exchange, LineActuator, Lines
+from rigctl.rig.protocols.positions import position_problems
 from rigctl.rig.rig import Rig
 from rigctl.rig.setting import POSITIONS
 

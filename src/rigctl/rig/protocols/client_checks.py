@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from rigctl.errors import RigctlError
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.channel import Channel
-from rigctl.rig.client_lines import client_problems
-from rigctl.rig.modbus import BITS, WRITABLE, Modbus, Register, WrittenRegister
-from rigctl.rig.opcua import Node, OpcUa
 from rigctl.rig.problem import Problem
+from rigctl.rig.protocols.client_lines import client_problems
+from rigctl.rig.protocols.modbus import BITS, WRITABLE, Modbus, Register, WrittenRegister
+from rigctl.rig.protocols.opcua import Node, OpcUa
 from rigctl.rig.setting import POSITIONS, Setting
 from rigctl.units import parse_unit
 

@@ -8,7 +8,7 @@ from rigctl.errors import Location, RigctlError, require_known
 from rigctl.plan import Plan
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.plan.tree import Leaf, all_nodes
-from rigctl.runner.operator import read_answer
+from rigctl.runner.operators.operator import read_answer
 from rigctl.units import show
 
 

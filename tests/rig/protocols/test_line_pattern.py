@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
-from rigctl.rig.line_pattern import read_number, reply_pattern, resolution, send_template
+from rigctl.rig.protocols.line_pattern import read_number, reply_pattern, resolution, send_template
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ from typing import Self
 
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.behaviour import Answer, Question
-from rigctl.runner.keys import KEYS, Keys, open_keys
-from rigctl.runner.operator import read_answer
-from rigctl.runner.requests import Order
+from rigctl.runner.operators.keys import KEYS, Keys, open_keys
+from rigctl.runner.operators.operator import read_answer
+from rigctl.runner.operators.requests import Order
 from rigctl.runner.snapshot import View
 
 _BACKSPACE = ("\x7f", "\x08")

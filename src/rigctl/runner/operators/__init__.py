@@ -1,0 +1,1 @@
+"""Who answers a run's questions and ends it: the terminal, another terminal, the browser, or nobody."""
