@@ -10,13 +10,17 @@ from rigctl.model.history.change import ModelError
 from rigctl.units import significant
 
 
-def error_bars(steps: Sequence[tuple[str, ModelError]]) -> list[Block]:
+def error_bars(steps: Sequence[tuple[str, ModelError]], *, changed: bool = False) -> list[Block]:
     """The error of each channel after each step; the bars are the error without the noise.
 
-    If the noise is not known they are the whole error.
+    If the noise is not known they are the whole error. With `changed` only channels whose error differs
+    between any two steps by more than a hundredth.
     """
     blocks: list[Block] = []
     for channel in dict.fromkeys(name for _, error in steps for name in error.rmse):
+        rmse = [error.rmse[channel] for _, error in steps if channel in error.rmse]
+        if changed and max(rmse) - min(rmse) <= 0.01 * max(rmse):
+            continue
         unit = next((error.units[channel] for _, error in steps if channel in error.units), "")
         values = _values(steps, channel)
         noise = next((value for _, kind, value in values if kind == "noise"), 0.0)

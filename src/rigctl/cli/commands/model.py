@@ -92,7 +92,8 @@ def history(
 
       rigctl model history models/hl32-textbook.yaml -v
     """
-    from rigctl.cli.views.history import show_history
+    from rigctl.answers.history import history_answer, history_evidence
+    from rigctl.cli.blocks import show_answer
     from rigctl.model import current_version, versions
     from rigctl.model.history.document import history_document
     from rigctl.project import find_file
@@ -102,7 +103,8 @@ def history(
     if as_json:
         print_json(history_document(listing, current))
     else:
-        show_history(listing, current, verbose=verbose)
+        evidence = history_evidence(listing, current) if verbose else ()
+        show_answer(history_answer(listing, current), evidence)
 
 
 @app.command()

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rigctl.analysis.search.model_change import Changed, Wanted, change_model
 from rigctl.answers.blocks import Answer, counted, nonempty
 from rigctl.answers.comparison import departures
+from rigctl.answers.history import error_change, held_out_change
 from rigctl.answers.model_errors import error_bars
 from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.commands.compare import open_runs
@@ -17,7 +18,6 @@ from rigctl.cli.echo import echo, print_json
 from rigctl.cli.next_command import show_next
 from rigctl.cli.progress import progress_display
 from rigctl.cli.tables import console, table
-from rigctl.cli.views.history import error_change, held_out_change
 from rigctl.cli.views.model import value_texts
 from rigctl.command_line import DataOptions, analysis
 from rigctl.effects import Effect

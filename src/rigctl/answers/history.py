@@ -1,4 +1,4 @@
-"""How the versions of a model are printed."""
+"""The versions of a model in words: what made each, and how the error fell."""
 
 from __future__ import annotations
 
@@ -6,13 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rich.markup import escape
-
-from rigctl.answers.blocks import Answer, counted
+from rigctl.answers.blocks import Answer, Block, Column, Points, Table, counted, nonempty
 from rigctl.answers.model_errors import error_bars
 from rigctl.answers.numbers import number, symbol
-from rigctl.cli.blocks import show, show_answer
-from rigctl.cli.tables import console, table
 from rigctl.model import Version, VersionError, version_errors
 from rigctl.model.history.change import Change, ModelError
 from rigctl.units import significant
@@ -21,19 +17,6 @@ from rigctl.units import significant
 _NAMED = 6
 #: share of the noise: a smaller excess over it is not stated
 _SLIGHT = 0.05
-
-
-def show_history(versions: Sequence[Version], current: Version, *, verbose: bool = False) -> None:
-    """Show the changes, and how the error fell; with `verbose` also a table of the versions, and bars."""
-    errors = version_errors(versions)
-    bars = sum(len(each.error.rmse) for each in errors)
-    more = [*counted(len(versions), "version with its date", "versions with their dates")]
-    more += ["all errors as bars"] if bars else []
-    show_answer(replace(history_answer(versions, current), more=() if verbose else tuple(more)))
-    if verbose:
-        _show_versions(versions, current)
-        if errors:
-            show(error_bars([(_label(each), each.error) for each in errors]))
 
 
 def history_answer(versions: Sequence[Version], current: Version) -> Answer:
@@ -47,7 +30,11 @@ def history_answer(versions: Sequence[Version], current: Version) -> Answer:
         "good",
         str(current.head),
         f"version {current.number} of {len(versions)}, {current.done}{remark}",
-        tuple((head, text) for head, text in facts if text),
+        nonempty(facts),
+        more=(
+            *counted(len(versions), "version with its date", "versions with their dates"),
+            *(["all errors as bars"] if any(each.error.rmse for each in errors) else []),
+        ),
     )
 
 
@@ -131,24 +118,36 @@ def _misfit(error: ModelError) -> str:
     return f"; {significant(math.sqrt(error.chi2_reduced), 3)} times the noise in all"
 
 
-def _show_versions(versions: Sequence[Version], current: Version) -> None:
-    out = console()
-    grid = table("version", "from", "when (UTC)", "what was done", "fitted to", "held out", "χ²")
-    for version in versions:
-        after = version.done.after
-        grid.add_row(
-            f"{version.number}{' (head)' if version.number == current.number else ''}",
-            "" if version.parent is None else str(version.parent),
-            f"{version.time:%Y-%m-%d %H:%M}",
-            escape(f"{version.done}{'' if version.kept or version.parent is None else ', not kept yet'}"),
-            escape(_fitted_to(version.done)),
-            escape(version.done.hold_out),
-            "" if after is None or after.chi2_reduced is None else significant(after.chi2_reduced),
-        )
-    out.print(grid)
-    for version in versions:
-        if version.done.note:
-            out.print(f"  {version.number}: {escape(version.done.note)}.", soft_wrap=True)
+def history_evidence(versions: Sequence[Version], current: Version) -> list[Block]:
+    """A table of the versions, their notes, and the errors as bars."""
+    columns = (
+        Column("version", "version"),
+        Column("parent", "from"),
+        Column("when", "when (UTC)", words=True),
+        Column("done", "what was done", words=True),
+        Column("fitted", "fitted to", words=True),
+        Column("held_out", "held out", words=True),
+        Column("chi2", "χ²", significant),
+    )
+    rows = tuple(
+        {
+            "version": f"{one.number}{' (head)' if one.number == current.number else ''}",
+            "parent": one.parent,
+            "when": f"{one.time:%Y-%m-%d %H:%M}",
+            "done": f"{one.done}{'' if one.kept or one.parent is None else ', not kept yet'}",
+            "fitted": _fitted_to(one.done),
+            "held_out": one.done.hold_out,
+            "chi2": None if one.done.after is None else one.done.after.chi2_reduced,
+        }
+        for one in versions
+    )
+    notes = [f"{one.number}: {one.done.note}" for one in versions if one.done.note]
+    steps = [(_label(each), each.error) for each in version_errors(versions)]
+    return [
+        Table(columns, rows),
+        *([Points.of("", notes)] if notes else []),
+        *error_bars(steps),
+    ]
 
 
 def _fitted_to(done: Change) -> str:
