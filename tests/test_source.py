@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -52,6 +53,22 @@ def defined(path: Path) -> set[str]:
         elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             names.add(node.target.id)
     return names
+
+
+def test_no_file_of_the_source_is_left_out_of_the_repository() -> None:
+    """Templates in a new folder were ignored like written pages, and no page could be made."""
+    built = ("__pycache__", "shipped")
+    files = [path for path in SOURCE.rglob("*") if path.is_file() and not {*built} & {*path.parts}]
+    asked = "\n".join(path.relative_to(SOURCE.parents[1]).as_posix() for path in files)
+    ignored = subprocess.run(
+        ["git", "check-ignore", "--no-index", "--stdin"],
+        input=asked,
+        cwd=SOURCE.parents[1],
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert ignored.stdout == ""
 
 
 def test_the_contributing_guide_names_existing_places() -> None:
