@@ -1,0 +1,96 @@
+"""Every kind of block is rendered by a terminal and by a page, with the same words."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import pytest
+
+from rigctl.answers.blocks import (
+    Bar,
+    Bars,
+    Block,
+    Column,
+    Details,
+    Figure,
+    Next,
+    Note,
+    Point,
+    Points,
+    Sentence,
+    Table,
+)
+from rigctl.cli.blocks import show
+from rigctl.report.blocks import page_blocks
+
+TABLE = Table(
+    (
+        Column("name", "effect"),
+        Column("share", "probability", lambda share: f"{100 * share:.0f} %", full=1.0),
+        Column("z", "sigma", "{:.1f}".format, beyond=3.0),
+    ),
+    (
+        {"name": "leaks"},
+        {"name": "rod_leakage", "share": 0.5, "z": 4.0},
+        {"name": "lag", "share": 0.1, "z": None},
+    ),
+    strong=frozenset({1}),
+)
+BLOCKS: tuple[Block, ...] = (
+    Sentence("oil <leaks>", "warn", "missing"),
+    Note("read in steps"),
+    Points("evidence", (Point("it stands out", "+"), Point("it is absorbed", "-"))),
+    TABLE,
+    Bars("shares", (Bar("noise", 0.5, "50 %"),)),
+    Figure("plot", "the worst record"),
+    Details("more", (Note("folded"),)),
+    Next("rigctl compare latest", "compares"),
+)
+
+
+def test_a_terminal_shows_every_block_but_a_plot(capsys: pytest.CaptureFixture[str]) -> None:
+    assert {type(one) for one in BLOCKS} == set(get_args(Block))
+    show(BLOCKS)
+    told = capsys.readouterr().out
+    for words in (
+        "missing: oil <leaks>.",
+        "read in steps",
+        "+ it stands out",
+        "- it is absorbed",
+        "rod_leakage",
+        "50 %",
+        "folded",
+        "Next: rigctl compare latest",
+    ):
+        assert words in told
+    assert "the worst record" not in told
+
+
+def test_a_page_shows_every_block_escaped_with_names_as_words() -> None:
+    drawn = str(page_blocks(BLOCKS, {"plot": page_blocks([Note("drawn")])}))
+    for words in (
+        "Oil &lt;leaks&gt;.",
+        "It stands out.",
+        "rod leakage",
+        'scope="rowgroup"',
+        "50 %",
+        "The worst record",
+        "Drawn.",
+        "Folded.",
+        "<code>rigctl compare latest</code>",
+    ):
+        assert words in drawn
+    assert "<leaks>" not in drawn
+
+
+def test_a_figure_that_was_not_drawn_is_left_out_of_a_page() -> None:
+    assert page_blocks([Figure("plot", "the worst record")]) == ""
+
+
+def test_a_missing_value_is_empty_and_a_large_one_is_marked() -> None:
+    z = TABLE.columns[2]
+    heading, leak, lag = TABLE.rows
+    assert TABLE.heads(heading)
+    assert not TABLE.heads(leak)
+    assert (z.text(leak), z.text(lag)) == ("4.0", "")
+    assert (z.marked(leak), z.marked(lag)) == (True, False)
