@@ -19,7 +19,7 @@ from benchmarks.record import keep, table
 from rigctl.backends.registry import create_backend
 from rigctl.clock import real_clock
 from rigctl.dataset import RunWriter, open_run
-from rigctl.dataset.disk_thread import BackgroundWriter
+from rigctl.dataset.recording.disk_thread import BackgroundWriter
 from rigctl.files.shipped import shipped
 from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.session import run

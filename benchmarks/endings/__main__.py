@@ -24,9 +24,10 @@ from rigctl.backends.emulated.board import EmulatedBoard
 from rigctl.backends.protocol import Backend
 from rigctl.backends.registry import create_backend
 from rigctl.clock import real_clock
-from rigctl.dataset import RunHeader, RunWriter, Source, journal, log
-from rigctl.dataset.disk_thread import BackgroundWriter
-from rigctl.dataset.header import source_of_rig
+from rigctl.dataset import RunHeader, RunWriter, Source
+from rigctl.dataset.recording import journal, log
+from rigctl.dataset.recording.disk_thread import BackgroundWriter
+from rigctl.dataset.recording.header import source_of_rig
 from rigctl.files.shipped import shipped
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig, load_rig

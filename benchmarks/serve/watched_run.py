@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rigctl.dataset.disk_thread import BackgroundWriter
+from rigctl.dataset.recording.disk_thread import BackgroundWriter
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
 from rigctl.runner.bench_access import clock_for

@@ -11,7 +11,8 @@ import pytest
 import rigctl
 from rigctl.analysis.fitting import Data, read_runs
 from rigctl.dataset import Run
-from rigctl.dataset.importing import Options, formats, import_file, import_files
+from rigctl.dataset.importing import Options, import_file, import_files
+from rigctl.dataset.importing.formats import formats
 from rigctl.errors import RigctlError
 from rigctl.model import Model
 from rigctl.rig import load_rig

@@ -10,7 +10,7 @@ import pytest
 
 from commands import answer, refusal
 from rigctl.dataset import Run, open_run
-from rigctl.dataset.importing import formats, groups
+from rigctl.dataset.importing.formats import formats, groups
 
 ENDINGS = ["csv", "parquet", "tdms", "mf4", "mat", "xlsx"]
 RIG = ["--rig", "rigs/hl32-bench.yaml"]

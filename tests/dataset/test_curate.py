@@ -10,9 +10,10 @@ from time import sleep
 import pytest
 
 from dataset.strokes import measure_strokes
-from rigctl.dataset import RunWriter, annotate, exclude, finalise, include, list_runs, open_run, verify
+from rigctl.dataset import RunWriter, annotate, exclude, include, list_runs, open_run, verify
 from rigctl.dataset.annotations import append_annotations, read_annotations, say
-from rigctl.dataset.writer_lock import in_progress, lock_folder, try_lock
+from rigctl.dataset.recording import finalise
+from rigctl.dataset.recording.writer_lock import in_progress, lock_folder, try_lock
 from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]

@@ -48,7 +48,7 @@ def test_sequential_and_individual_reads_of_records_agree(
     make_run: RunMaker, rows: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where a record spans parts of the file, and parts hold several records."""
-    monkeypatch.setattr("rigctl.dataset.samples_file.GROUP_ROWS", rows)
+    monkeypatch.setattr("rigctl.dataset.recording.samples_file.GROUP_ROWS", rows)
     run = open_run(make_run())
     for chosen in ((0, 1, 2), (2, 0), ()):
         for index, record in zip(chosen, run.each(chosen), strict=True):

@@ -72,7 +72,7 @@ def test_a_run_can_be_resumed_after_several_kills(killed: Path) -> None:
 def test_a_kill_while_a_session_is_joined_to_the_run_duplicates_nothing(
     killed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rigctl.dataset import finalise as finalise_module
+    from rigctl.dataset.recording import finalise as finalise_module
 
     writer = RunWriter.reopen(killed)
     writer.append(sample(0.0))

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import rigctl.dataset.writer as writer_module
+import rigctl.dataset.recording.writer as writer_module
 from dataset.strokes import LAYOUT, STARTED, measure_strokes, sample
 from rigctl.dataset import RunHeader, RunWriter, open_run, verify
-from rigctl.dataset.journal import read_journal
-from rigctl.dataset.log import read_lines
+from rigctl.dataset.recording.journal import read_journal
+from rigctl.dataset.recording.log import read_lines
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.measured import MeasuredValue
 

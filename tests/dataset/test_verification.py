@@ -11,8 +11,8 @@ import pytest
 from dataset.strokes import LAYOUT, measure_strokes
 from rigctl.dataset import Condition, RunWriter, open_run, verify
 from rigctl.dataset.annotations import append_annotations, say
-from rigctl.dataset.finalise import recovered_history
-from rigctl.dataset.journal import read_journal
+from rigctl.dataset.recording.finalise import recovered_history
+from rigctl.dataset.recording.journal import read_journal
 from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]

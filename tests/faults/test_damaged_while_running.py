@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from bench_stand import Stand
-from rigctl.dataset import writer
-from rigctl.dataset.journal import JournalWriter
+from rigctl.dataset.recording import writer
+from rigctl.dataset.recording.journal import JournalWriter
 from run_workshop import Workshop
 
 STEPS = "steps:\n  - record: {name: stroke, rate: 100 Hz}\n    do:\n      - wait: 6 s\n  - wait: 2 s\n"

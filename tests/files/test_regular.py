@@ -51,7 +51,7 @@ OWN = {
     "backends/visa/client.py",  # of an instrument
     "cli/commands/demo.py",
     "cli/commands/init.py",
-    "dataset/importing/foreign.py",
+    "dataset/importing/formats/foreign.py",
     "dataset/storage/store.py",  # of an object
     "engine/cache.py",
     "engine/kernels/portable.py",

@@ -101,7 +101,7 @@ def test_the_pages_of_a_project_execute_no_file_of_it(traps: Path, tmp_path: Pat
     [
         "rigctl.analysis.fmu_rival.worker",
         "rigctl.backends.transport.guard",
-        "rigctl.dataset.importing.foreign",
+        "rigctl.dataset.importing.formats.foreign",
     ],
 )
 @pytest.mark.usefixtures("nothing_executed")
@@ -138,7 +138,7 @@ def test_no_entry_of_pythonpath_leads_into_the_folder_of_another_process(
     """An empty entry, which a trailing colon leaves, means the working folder of each process."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep + "nowhere")
     with isolated_children():
-        command = module_command("rigctl.dataset.importing.foreign")
+        command = module_command("rigctl.dataset.importing.formats.foreign")
         subprocess.run(command, cwd=traps, input=b"", capture_output=True, timeout=120, check=False)
         assert os.environ["PYTHONPATH"] == str(Path.cwd() / "nowhere")
     assert os.environ["PYTHONPATH"] == os.pathsep + "nowhere"

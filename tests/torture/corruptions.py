@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from rigctl.dataset import Condition, RunWriter, open_run, verify
-from rigctl.dataset.header import RunHeader, Source
+from rigctl.dataset.recording.header import RunHeader, Source
 from rigctl.errors import RigctlError
 from rigctl.rig import Layout
 

@@ -31,8 +31,9 @@ from bench_stand import ScriptedClock, Stand
 from rigctl.backends.emulated import create as emulated
 from rigctl.backends.emulated.port import EmulatedPort
 from rigctl.clock import VirtualClock
-from rigctl.dataset import RunWriter, journal, log, open_run, verify, writer
-from rigctl.dataset.disk_thread import BackgroundWriter
+from rigctl.dataset import RunWriter, open_run, verify
+from rigctl.dataset.recording import journal, log, writer
+from rigctl.dataset.recording.disk_thread import BackgroundWriter
 from rigctl.dataset.verification import Condition
 from rigctl.plan.missing import MOST_MISSING, Lack
 from rigctl.rig import Rig

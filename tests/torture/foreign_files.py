@@ -29,7 +29,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from rigctl.dataset.importing import foreign, import_file
+from rigctl.dataset.importing import import_file
+from rigctl.dataset.importing.formats import foreign
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
@@ -245,7 +246,7 @@ def _all_of(kind: str, folder: Path, trials: int, seed: int) -> Found:
     _one(path, rig, found)
     assert found.read == 1, f"the example itself is sound: {found}"
     if kind in ("tdms", "mf4", "mat", "xlsx"):  # loads the reader's libraries once, for all copies
-        from rigctl.dataset.importing import formats
+        from rigctl.dataset.importing.formats import formats
 
         formats.isolated = False
         _one(path, rig, found)

@@ -9,7 +9,7 @@ import pytest
 
 from rigctl.dataset import open_run
 from rigctl.dataset.catalogue import page_of_runs
-from rigctl.dataset.writer_lock import read_state
+from rigctl.dataset.recording.writer_lock import read_state
 from rigctl.errors import RigctlError
 from rigctl.project import Project
 from rigctl.web.jobs import Jobs

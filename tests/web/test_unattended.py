@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rigctl.dataset.writer_lock import read_state
+from rigctl.dataset.recording.writer_lock import read_state
 from rigctl.files.shipped import shipped
 from rigctl.runner.operators.remote_control import CONTROL_NAME
 from web.serving import serving

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
-from rigctl.dataset.writer_lock import read_state
+from rigctl.dataset.recording.writer_lock import read_state
 from web.serving import Served
 
 PROCEDURE = """\

@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from rigctl.dataset.curate import annotate as annotate
     from rigctl.dataset.curate import exclude as exclude
     from rigctl.dataset.curate import include as include
-    from rigctl.dataset.header import RunHeader as RunHeader
-    from rigctl.dataset.header import Source as Source
-    from rigctl.dataset.header import calibrations_of as calibrations_of
-    from rigctl.dataset.header import current_versions as current_versions
-    from rigctl.dataset.header import source_of_rig as source_of_rig
+    from rigctl.dataset.recording.header import RunHeader as RunHeader
+    from rigctl.dataset.recording.header import Source as Source
+    from rigctl.dataset.recording.header import calibrations_of as calibrations_of
+    from rigctl.dataset.recording.header import current_versions as current_versions
+    from rigctl.dataset.recording.header import source_of_rig as source_of_rig
+    from rigctl.dataset.recording.writer import RunWriter as RunWriter
     from rigctl.dataset.run import Record as Record
     from rigctl.dataset.run import Run as Run
     from rigctl.dataset.run import Switch as Switch
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from rigctl.dataset.verification import Condition as Condition
     from rigctl.dataset.verification import Verification as Verification
     from rigctl.dataset.verification import verify as verify
-    from rigctl.dataset.writer import RunWriter as RunWriter
 
 #: module of each name; loaded on first use, since half of them do not need the rig file reader
 _WHERE = {

@@ -13,8 +13,8 @@ from getpass import getuser
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from rigctl.dataset.log import LogWriter, read_lines
-from rigctl.dataset.writer_lock import lock_annotations
+from rigctl.dataset.recording.log import LogWriter, read_lines
+from rigctl.dataset.recording.writer_lock import lock_annotations
 from rigctl.errors import ExitCode, Location, RigctlError
 
 NAME: Final = "annotations.jsonl"

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
-from rigctl.dataset import journal
 from rigctl.dataset.annotations import Annotation, append_annotations, say
-from rigctl.dataset.finalise import finalise
 from rigctl.dataset.history import read_history
+from rigctl.dataset.recording import journal
+from rigctl.dataset.recording.finalise import finalise
+from rigctl.dataset.recording.writer_lock import PATIENCE, wait_for_lock
 from rigctl.dataset.run_json import RUNNING, read_info
-from rigctl.dataset.writer_lock import PATIENCE, wait_for_lock
 from rigctl.errors import RigctlError
 
 #: the text of an annotation that may not be empty

@@ -8,8 +8,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset import log, run_json
-from rigctl.dataset.header import RunHeader
+from rigctl.dataset import run_json
+from rigctl.dataset.recording import log
+from rigctl.dataset.recording.header import RunHeader
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
-from rigctl.dataset import log, run_json
+from rigctl.dataset import run_json
+from rigctl.dataset.recording import log
 from rigctl.errors import Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.files.reserved_names import reserved_part

@@ -12,15 +12,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.argument_types import checks_argument_types
-from rigctl.dataset import journal, run_json, samples_file
+from rigctl.dataset import run_json
 from rigctl.dataset.catalogue import locate_run
-from rigctl.dataset.header import RunHeader
 from rigctl.dataset.history import COMPLETE
 from rigctl.dataset.parquet import numbers
 from rigctl.dataset.record_rows import RecordRows
-from rigctl.dataset.records_file import EVENTS
+from rigctl.dataset.recording import journal, samples_file
+from rigctl.dataset.recording.header import RunHeader
+from rigctl.dataset.recording.records_file import EVENTS
+from rigctl.dataset.recording.writer_lock import in_progress
 from rigctl.dataset.table_columns import event_data, open_table
-from rigctl.dataset.writer_lock import in_progress
 from rigctl.errors import ExitCode, Location, RigctlError, require_known, unknown_name
 from rigctl.json_values import parse_json
 from rigctl.notebook import one_line

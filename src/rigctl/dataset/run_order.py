@@ -9,8 +9,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rigctl.dataset import log, run_json
+from rigctl.dataset import run_json
 from rigctl.dataset.day_folders import is_shard
+from rigctl.dataset.recording import log
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import RigctlError
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rigctl.dataset import journal, run_json
-from rigctl.dataset.writer_lock import in_progress
+from rigctl.dataset import run_json
+from rigctl.dataset.recording import journal
+from rigctl.dataset.recording.writer_lock import in_progress
 
 
 def status_of(folder: Path, info: Mapping[str, Any]) -> str:

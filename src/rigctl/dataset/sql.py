@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from rigctl.argument_types import checks_argument_types
-from rigctl.dataset import journal, records_file, samples_file
 from rigctl.dataset.catalogue import list_runs
 from rigctl.dataset.index.rows import DAMAGED
+from rigctl.dataset.recording import journal, records_file, samples_file
 from rigctl.dataset.run_fields import COLUMNS, column_values
 from rigctl.dataset.run_json import RUNNING, read_info
 from rigctl.dataset.table_columns import open_table

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from rigctl.dataset import records_file, samples_file
 from rigctl.dataset.parquet import open_parquet
+from rigctl.dataset.recording import records_file, samples_file
 from rigctl.errors import ExitCode, Location, RigctlError
 
 if TYPE_CHECKING:

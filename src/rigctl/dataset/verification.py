@@ -8,12 +8,13 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from rigctl.dataset import journal, log, run_json
+from rigctl.dataset import run_json
 from rigctl.dataset.annotations import NAME as ANNOTATIONS
-from rigctl.dataset.finalise import finalise
 from rigctl.dataset.history import read_history
+from rigctl.dataset.recording import journal, log
+from rigctl.dataset.recording.finalise import finalise
+from rigctl.dataset.recording.writer_lock import try_lock
 from rigctl.dataset.storage.store import StoredFolder
-from rigctl.dataset.writer_lock import try_lock
 from rigctl.errors import RigctlError
 from rigctl.files.regular import regular
 

@@ -11,8 +11,8 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.dataset.importing.formats.table import Heading, Source
 from rigctl.dataset.importing.options import Options, TimePolicy
-from rigctl.dataset.importing.table import Heading, Source
 from rigctl.errors import RigctlError, require_known, unknown_name
 from rigctl.physics.formulas import reserved_names
 from rigctl.units import Unit, find_unit, interval_unit, parse_unit
@@ -134,11 +134,11 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     RigctlError
         the file cannot be read, has no numbers or two columns of one name, or a unit is unknown.
     """
+    from rigctl.dataset.importing.cells.headings import counts_rows, folded
+    from rigctl.dataset.importing.cells.time_column import is_other_time, with_time_column
     from rigctl.dataset.importing.columns import interval
-    from rigctl.dataset.importing.formats import open_source
-    from rigctl.dataset.importing.headings import counts_rows, folded
+    from rigctl.dataset.importing.formats.formats import open_source
     from rigctl.dataset.importing.read_table import stamped_column, table_of
-    from rigctl.dataset.importing.time_column import is_other_time, with_time_column
 
     plain_options = options or Options()
     source = open_source(path, plain_options)
@@ -240,7 +240,7 @@ class _Heading:
 
 
 def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
-    from rigctl.dataset.importing.headings import counts_turns, split_ending
+    from rigctl.dataset.importing.cells.headings import counts_turns, split_ending
 
     name, unit = read.name, "s" if read.seconds else read.unit
     headed = read.unit or ""
@@ -277,7 +277,7 @@ def _given_time(path: Path, headings: Mapping[str, _Heading], options: Options) 
     ]
     if stated is not None or not named:
         return stated
-    from rigctl.dataset.importing.formats import open_source
+    from rigctl.dataset.importing.formats.formats import open_source
     from rigctl.dataset.importing.read_table import table_of
 
     table = table_of(open_source(path, options), path, options, most=_MOST_ROWS)
@@ -326,7 +326,7 @@ def _column(heading: _Heading, values: Floats, taken: list[str]) -> Column:
 
 def _plain_name(text: str) -> str:
     """A name that an expression can use: ``Motor Speed`` is ``motor_speed``."""
-    from rigctl.dataset.importing.headings import identifier
+    from rigctl.dataset.importing.cells.headings import identifier
 
     name = identifier(text)
     name = name if name[:1].isalpha() else f"channel_{name}".strip("_")

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from rigctl.command_line import quoted
-from rigctl.dataset.importing.headings import counts_rows
+from rigctl.dataset.importing.cells.headings import counts_rows
 from rigctl.errors import RigctlError
 from rigctl.proposal.columns import Column, Floats, Origin, Role, Table, rises_evenly
 from rigctl.proposal.responses import driven_mass_response

@@ -18,7 +18,7 @@ from rigctl.dataset import (
     new_run_id,
     source_of_rig,
 )
-from rigctl.dataset.disk_thread import BackgroundWriter
+from rigctl.dataset.recording.disk_thread import BackgroundWriter
 from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.errors import RigctlError, require_known
 from rigctl.plan import Plan

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rigctl.dataset import RunHeader, RunWriter
-from rigctl.dataset.finalise import recovered_history
 from rigctl.dataset.history import COMPLETE, History
 from rigctl.dataset.pass_fail import judge
-from rigctl.dataset.writer_lock import in_progress
+from rigctl.dataset.recording.finalise import recovered_history
+from rigctl.dataset.recording.writer_lock import in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure

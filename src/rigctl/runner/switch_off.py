@@ -10,8 +10,8 @@ from time import monotonic, sleep
 from rigctl.backends.errors import BackendLost, BenchTripped, OutputsNotSafe
 from rigctl.backends.protocol import Backend
 from rigctl.dataset.catalogue import run_folders
+from rigctl.dataset.recording.writer_lock import read_state
 from rigctl.dataset.run_json import read_info
-from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
 from rigctl.runner.bench_access import UNREAL, Access, address_in, opened, rig_lock

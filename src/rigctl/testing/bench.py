@@ -11,10 +11,10 @@ from typing import Any
 from rigctl.backends.protocol import Backend
 from rigctl.backends.registry import create_backend
 from rigctl.clock import Clock, VirtualClock
-from rigctl.dataset.header import RunHeader, Source, calibrations_of, source_of_rig
-from rigctl.dataset.log import read_lines
+from rigctl.dataset.recording.header import RunHeader, Source, calibrations_of, source_of_rig
+from rigctl.dataset.recording.log import read_lines
+from rigctl.dataset.recording.writer import RunWriter
 from rigctl.dataset.run_id import new_run_id
-from rigctl.dataset.writer import RunWriter
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.plan import Plan

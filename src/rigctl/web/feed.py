@@ -18,8 +18,8 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
-from rigctl.dataset import journal, log
-from rigctl.dataset.writer_lock import read_state
+from rigctl.dataset.recording import journal, log
+from rigctl.dataset.recording.writer_lock import read_state
 from rigctl.errors import RigctlError
 from rigctl.runner.operators.remote_operator import PRESENCE_EVERY, awaits_person, send_presence
 from rigctl.web.decimation import Thinning, envelope

@@ -169,7 +169,7 @@ class Live:
     def _in_progress(self) -> list[Path]:
         """Folders with a recent heartbeat: no lock is touched, which a run might need at that moment."""
         from rigctl.dataset.catalogue import newest_folders
-        from rigctl.dataset.writer_lock import read_state
+        from rigctl.dataset.recording.writer_lock import read_state
         from rigctl.web.feed import ENDED
 
         with self._lock:

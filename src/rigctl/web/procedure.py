@@ -177,7 +177,7 @@ class Procedures:
 
     def _run_of(self, pid: int) -> str | None:
         from rigctl.dataset.catalogue import newest_folders
-        from rigctl.dataset.writer_lock import read_state
+        from rigctl.dataset.recording.writer_lock import read_state
 
         if not self._site.project.runs.is_dir():
             return None

@@ -11,7 +11,7 @@ import pytest
 from rigctl.command_line import quoted
 from rigctl.dataset import Record, open_run
 from rigctl.dataset.importing import Options, import_file
-from rigctl.dataset.importing.headings import split_ending, split_heading
+from rigctl.dataset.importing.cells.headings import split_ending, split_heading
 from rigctl.dataset.importing.read_table import Table, read_table
 from rigctl.errors import RigctlError
 from rigctl.proposal.columns import read_columns

@@ -15,7 +15,8 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from rigctl.dataset import Run, open_run
-from rigctl.dataset.importing import Options, formats, import_file
+from rigctl.dataset.importing import Options, import_file
+from rigctl.dataset.importing.formats import formats
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 

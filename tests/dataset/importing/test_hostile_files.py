@@ -19,7 +19,8 @@ from asammdf import MDF, Signal
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigctl.dataset.importing import Options, first_pass, foreign, import_file, read_table
+from rigctl.dataset.importing import Options, first_pass, import_file, read_table
+from rigctl.dataset.importing.formats import foreign
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from open_range import without_ranges
 from rigctl.dataset import Run, Switch, list_runs, open_run, verify
 from rigctl.dataset.importing import Imported, Options, import_file, import_files
-from rigctl.dataset.importing.table import KEPT_FAULTS
+from rigctl.dataset.importing.formats.table import KEPT_FAULTS
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.rig import Rig, load_rig
 
@@ -280,7 +280,7 @@ def test_observations_are_a_table_without_time(importer: Importer) -> None:
 def test_a_disk_that_fails_while_it_is_written_leaves_no_run(
     importer: Importer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rigctl.dataset import finalise as finalise_module
+    from rigctl.dataset.recording import finalise as finalise_module
 
     def fail(*_: object) -> None:
         raise RigctlError("cannot write the file: No space left on device")
@@ -293,7 +293,7 @@ _KILLED = """
 import os, sys
 from pathlib import Path
 from rigctl.dataset.importing import import_file
-from rigctl.dataset.writer import RunWriter
+from rigctl.dataset.recording.writer import RunWriter
 from rigctl.rig import load_rig
 RunWriter.close = lambda *_: os._exit(9)
 import_file(Path(sys.argv[1]), load_rig(Path(sys.argv[2])), Path(sys.argv[3]))
@@ -322,7 +322,7 @@ def test_a_file_being_written_is_refused(
     importer: Importer, monkeypatch: pytest.MonkeyPatch, more: str
 ) -> None:
     from rigctl.dataset.importing import samples
-    from rigctl.dataset.writer import RunWriter
+    from rigctl.dataset.recording.writer import RunWriter
 
     create = RunWriter.create
 

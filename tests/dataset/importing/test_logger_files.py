@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from open_range import without_ranges
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import Options, import_file, import_files, read_table
-from rigctl.dataset.importing.table import PART_ROWS
+from rigctl.dataset.importing.formats.table import PART_ROWS
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.rig import Rig
 

@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from rigctl.dataset import open_run
-from rigctl.dataset.importing import import_file, samples, text
+from rigctl.dataset.importing import import_file, samples
+from rigctl.dataset.importing.formats import text
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 

@@ -14,7 +14,8 @@ import pytest
 
 from open_range import without_ranges
 from rigctl.dataset import Run, open_run
-from rigctl.dataset.importing import Options, formats, import_file, read_table
+from rigctl.dataset.importing import Options, import_file, read_table
+from rigctl.dataset.importing.formats import formats
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 

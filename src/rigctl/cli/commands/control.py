@@ -73,7 +73,7 @@ def _in_progress() -> Path:
         there is none, or more than one.
     """
     from rigctl.dataset.catalogue import newest_folders
-    from rigctl.dataset.writer_lock import in_progress
+    from rigctl.dataset.recording.writer_lock import in_progress
 
     folders = [folder for folder in newest_folders() if in_progress(folder)]
     if len(folders) == 1:

@@ -391,7 +391,7 @@ def _source(source: Mapping[str, str]) -> str:
 
 def _records(folder: Path | StoredFolder) -> tuple[list[dict[str, Any]], dict[str, dict[str, str]]]:
     """The rows of records.parquet, and the metadata of its columns."""
-    from rigctl.dataset import records_file
+    from rigctl.dataset.recording import records_file
     from rigctl.dataset.table_columns import open_table
 
     with open_table(folder / records_file.RECORDS) as file:

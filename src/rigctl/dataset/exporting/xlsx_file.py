@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset.exporting.tables import pieces
-from rigctl.dataset.importing.groups import missing_extra
+from rigctl.dataset.importing.formats.groups import missing_extra
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:

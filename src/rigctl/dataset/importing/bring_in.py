@@ -11,11 +11,13 @@ from typing import Final
 
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.assumptions import assumed_values
-from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_versions, source_of_rig
 from rigctl.dataset.importing.campaign import Campaign, open_files
+from rigctl.dataset.importing.cells.time_column import with_time_column
+from rigctl.dataset.importing.cells.times import checked_zone, instant
 from rigctl.dataset.importing.columns import assign, read_mapping
 from rigctl.dataset.importing.first_pass import Survey
-from rigctl.dataset.importing.formats import stem_of
+from rigctl.dataset.importing.formats.formats import stem_of
+from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Fault, refuse
 from rigctl.dataset.importing.log_format import log_format_remark
 from rigctl.dataset.importing.notes import column_notes, impossible_notes, notes
 from rigctl.dataset.importing.observations import Observations, take_observations
@@ -23,12 +25,16 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.read_table import has_numbers, stamped_column
 from rigctl.dataset.importing.samples import Samples, take_samples
 from rigctl.dataset.importing.staging import NameTakenError, publish, staged
-from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
-from rigctl.dataset.importing.time_column import with_time_column
-from rigctl.dataset.importing.times import checked_zone, instant
+from rigctl.dataset.recording.header import (
+    RunHeader,
+    Source,
+    calibrations_of,
+    current_versions,
+    source_of_rig,
+)
+from rigctl.dataset.recording.writer import RunWriter
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.storage.sending import upload_if_wanted
-from rigctl.dataset.writer import RunWriter
 from rigctl.errors import Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.rig import Rig

@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rigctl.dataset.importing.formats import open_source, stem_of
+from rigctl.dataset.importing.cells.time_column import with_time_column
+from rigctl.dataset.importing.formats.formats import open_source, stem_of
+from rigctl.dataset.importing.formats.table import Heading, Labels, Part, Source
 from rigctl.dataset.importing.log_format import require_same_unit
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import Heading, Labels, Part, Source
-from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
 
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rigctl.dataset.importing.cells.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
+from rigctl.dataset.importing.cells.missing_values import NO_NUMBER
 from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
-from rigctl.dataset.importing.missing_values import NO_NUMBER
-from rigctl.dataset.importing.table import BEYOND_LIMITS, KEPT_FAULTS, NOT_INCREASING, Fault, Part
+from rigctl.dataset.importing.formats.table import BEYOND_LIMITS, KEPT_FAULTS, NOT_INCREASING, Fault, Part
 from rigctl.units import show
 
 if TYPE_CHECKING:

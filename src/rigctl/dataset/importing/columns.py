@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
-from rigctl.dataset.importing.headings import (
+from rigctl.dataset.importing.cells.headings import (
     counts_turns,
     folded,
     identifier,
@@ -16,10 +16,10 @@ from rigctl.dataset.importing.headings import (
     split_heading,
     time_unit,
 )
+from rigctl.dataset.importing.cells.time_column import is_other_time
+from rigctl.dataset.importing.formats.table import Heading
 from rigctl.dataset.importing.log_format import require_same_unit
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import Heading
-from rigctl.dataset.importing.time_column import is_other_time
 from rigctl.errors import RigctlError, nearest_name, unknown_name
 from rigctl.rig.common_names import on_rig
 from rigctl.rig.layout import Layout

@@ -11,10 +11,10 @@ import numpy as np
 
 from rigctl.dataset.conditions import cluster
 from rigctl.dataset.gaps import Gap, find_gap
+from rigctl.dataset.importing.cells.labels import Label
 from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.conditions import Conditions
-from rigctl.dataset.importing.labels import Label
-from rigctl.dataset.importing.table import KEPT_FAULTS, Fault
+from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Fault
 from rigctl.dataset.standstill import Standstill, StandstillDetector
 
 if TYPE_CHECKING:

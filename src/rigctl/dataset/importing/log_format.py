@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rigctl.dataset.importing.headings import counts_turns, split_ending
+from rigctl.dataset.importing.cells.headings import counts_turns, split_ending
+from rigctl.dataset.importing.formats.table import Heading
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import Heading
 from rigctl.errors import Location, RigctlError
 from rigctl.project import find_project
 from rigctl.units import find_unit, is_speed_of_rotation, parse_unit

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from rigctl.dataset.importing.cells.headings import split_heading
 from rigctl.dataset.importing.columns import read_mapping
-from rigctl.dataset.importing.dialect import checked_delimiter
-from rigctl.dataset.importing.headings import split_heading
+from rigctl.dataset.importing.formats.dialect import checked_delimiter
 from rigctl.dataset.importing.options import DateOrder, Options, TimePolicy
 from rigctl.errors import Location, RigctlError
 from rigctl.files.scalars import quoted

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from rigctl.dataset.importing.cells.headings import time_unit
+from rigctl.dataset.importing.cells.labels import describe_label
+from rigctl.dataset.importing.cells.sentinels import MARKS
 from rigctl.dataset.importing.columns import LEAVE_OUT, Assigned
 from rigctl.dataset.importing.first_pass import Span, Survey
-from rigctl.dataset.importing.headings import time_unit
-from rigctl.dataset.importing.labels import describe_label
+from rigctl.dataset.importing.formats.table import Heading
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import copies_in
-from rigctl.dataset.importing.sentinels import MARKS
-from rigctl.dataset.importing.table import Heading
 from rigctl.dataset.standstill import standstill_remark
 from rigctl.units import parse_unit, show
 

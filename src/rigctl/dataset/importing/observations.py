@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rigctl.dataset.importing.cells.labels import read_label
+from rigctl.dataset.importing.cells.sentinels import Sentinels, blanked, remark
 from rigctl.dataset.importing.checks import InvalidRows, impossible, marks_of, to_si, without_marks
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.first_pass import Survey
-from rigctl.dataset.importing.labels import read_label
-from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark
-from rigctl.dataset.importing.table import KEPT_FAULTS, Part, Source, cut
+from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Part, Source, cut
 from rigctl.errors import Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 from rigctl.rig.layout import Layout
@@ -23,7 +23,7 @@ from rigctl.units import parse_unit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rigctl.dataset.writer import RunWriter
+    from rigctl.dataset.recording.writer import RunWriter
 
 #: temperatures and pressures are conditions of an observation
 _CONDITIONS: Final = ("K", "Pa")

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, get_args
 
-from rigctl.dataset.importing.headings import plain_name
-from rigctl.dataset.importing.numbers import read_number
+from rigctl.dataset.importing.cells.headings import plain_name
+from rigctl.dataset.importing.cells.numbers import read_number
 from rigctl.errors import RigctlError, nearest_name
 
 #: which of two numbers in a date is the day; ``iso`` requires dates that begin with the year

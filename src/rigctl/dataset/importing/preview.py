@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from rigctl.dataset.importing.bring_in import remarks_of, take
+from rigctl.dataset.importing.cells.times import instant
 from rigctl.dataset.importing.first_pass import RecordFacts
-from rigctl.dataset.importing.formats import stem_of
+from rigctl.dataset.importing.formats.formats import stem_of
+from rigctl.dataset.importing.formats.table import Fault
 from rigctl.dataset.importing.observations import Observations
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import Samples, checked
-from rigctl.dataset.importing.table import Fault
-from rigctl.dataset.importing.times import instant
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:

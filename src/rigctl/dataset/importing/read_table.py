@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigctl.dataset.importing.cells.sentinels import Sentinels, blanked, without_marked_times
+from rigctl.dataset.importing.cells.time_column import with_time_column
 from rigctl.dataset.importing.checks import marks_of
-from rigctl.dataset.importing.formats import open_source
+from rigctl.dataset.importing.formats.formats import open_source
+from rigctl.dataset.importing.formats.table import Part, Source, refuse
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.sentinels import Sentinels, blanked, without_marked_times
-from rigctl.dataset.importing.table import Part, Source, refuse
-from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:

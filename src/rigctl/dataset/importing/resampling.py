@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from rigctl.dataset.importing.cells.increasing import order_of, repeated
 from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.increasing import order_of, repeated
+from rigctl.dataset.importing.formats.table import GOES_BACK, KEPT_FAULTS, Fault, Labels, Part
 from rigctl.dataset.importing.options import TimePolicy
 from rigctl.dataset.importing.splitting import stretches
-from rigctl.dataset.importing.table import GOES_BACK, KEPT_FAULTS, Fault, Labels, Part
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import parse_quantity, read_si
 

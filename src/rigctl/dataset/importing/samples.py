@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rigctl.dataset.importing.campaign import Campaign
+from rigctl.dataset.importing.cells.labels import describe_label
 from rigctl.dataset.importing.checks import Checked, Checker, Stretch
 from rigctl.dataset.importing.columns import Assigned, layout_of
 from rigctl.dataset.importing.conditions import conditions_of
 from rigctl.dataset.importing.first_pass import RecordFacts, Survey, survey
-from rigctl.dataset.importing.labels import describe_label
+from rigctl.dataset.importing.formats.table import Source
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.stages import Stages
-from rigctl.dataset.importing.table import Source
 from rigctl.errors import Location, RigctlError
 from rigctl.rig.layout import Layout
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rigctl.dataset.writer import RunWriter
+    from rigctl.dataset.recording.writer import RunWriter
     from rigctl.rig import Rig
 
 #: size limit of a short file, bytes of samples: a million rows of a dozen columns

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.table import Labels, Part
+from rigctl.dataset.importing.formats.table import Labels, Part
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import read_si
 

@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from rigctl.dataset.importing.cells.increasing import spread
+from rigctl.dataset.importing.cells.sentinels import Sentinels, blanked, remark, without_marked_times
 from rigctl.dataset.importing.checks import marks_of
 from rigctl.dataset.importing.columns import Assigned, places_of
-from rigctl.dataset.importing.groups import GroupedFile
-from rigctl.dataset.importing.increasing import spread
+from rigctl.dataset.importing.formats.groups import GroupedFile
+from rigctl.dataset.importing.formats.table import PART_ROWS, Labels, Part, Source, cut
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.resampling import resample
-from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark, without_marked_times
 from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
-from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source, cut
 from rigctl.errors import Location, RigctlError
 from rigctl.tasks import Countdown
 

@@ -15,7 +15,7 @@ from tempfile import mkdtemp
 from typing import Final
 
 from rigctl.dataset.day_folders import folder_for
-from rigctl.dataset.writer_lock import in_progress
+from rigctl.dataset.recording.writer_lock import in_progress
 from rigctl.errors import Location, RigctlError
 
 #: prefix of unfinished folders; a dot hides them from the catalogue

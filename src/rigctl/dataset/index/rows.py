@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rigctl.dataset import run_json, samples_file
+from rigctl.dataset import run_json
 from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.parquet import open_parquet
+from rigctl.dataset.recording import samples_file
 from rigctl.dataset.run_fields import column_values
 from rigctl.dataset.run_order import is_run, order_of
 from rigctl.dataset.run_status import status_of

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset import journal, run_json
+from rigctl.dataset import run_json
+from rigctl.dataset.recording import journal
+from rigctl.dataset.recording.writer_lock import ANNOTATIONS_LOCK_NAME, LOCK_NAME, STATE_NAME, in_progress
 from rigctl.dataset.storage.store import StorageSilent, Store, StoredFile, StoredFolder
-from rigctl.dataset.writer_lock import ANNOTATIONS_LOCK_NAME, LOCK_NAME, STATE_NAME, in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
 
 logger = logging.getLogger(__name__)

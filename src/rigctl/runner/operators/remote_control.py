@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from rigctl.dataset.writer_lock import STATE_NAME, read_state
+from rigctl.dataset.recording.writer_lock import STATE_NAME, read_state
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.files.write import replace_file, to_json

@@ -14,7 +14,7 @@ from time import monotonic
 from typing import Any, Final
 from uuid import uuid4
 
-from rigctl.dataset.writer_lock import read_state
+from rigctl.dataset.recording.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.json_values import parse_json
 from rigctl.plan.behaviour import Answer, Question

@@ -1,0 +1,1 @@
+"""A run while it is written: journal and log, which survive any ending, and the tables made of them."""
