@@ -43,7 +43,7 @@ _WHERE = {
         "exclude",
         "include",
     ),
-    "header": (
+    "recording.header": (
         "RunHeader",
         "Source",
         "calibrations_of",
@@ -66,7 +66,7 @@ _WHERE = {
         "Verification",
         "verify",
     ),
-    "writer": ("RunWriter",),
+    "recording.writer": ("RunWriter",),
 }
 _MODULES = {name: module for module, names in _WHERE.items() for name in names}
 

@@ -17,7 +17,7 @@ from rigctl.errors import Location, RigctlError
 #: opens a file, given its path and the caller's options
 Opener = Callable[[Path, Options], Source]
 
-_HERE: Final = "rigctl.dataset.importing"
+_HERE: Final = "rigctl.dataset.importing.formats"
 #: module and function, imported when needed
 OPENERS: Final[Mapping[str, tuple[str, str]]] = {
     ".csv": ("csv_file", "open_csv"),
