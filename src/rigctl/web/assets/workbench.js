@@ -335,7 +335,7 @@ const bench = (container, opened, { send, asked, desk }) => {
       const error = header.channels[one.name];
       const held = header.heldout[one.name];
       if (!error) return h("li", {}, h("b", {}, "–"), one.title);
-      return h("li", {}, h("b", {}, `${figure(error.rmse)} ${error.unit}`), `${one.title}: ${figure(error.nrmse, 3)} σ`, held ? h("span", { class: "note" }, ` held out ${figure(held.nrmse, 3)} σ`) : "");
+      return h("li", {}, h("b", {}, `${figure(error.rmse)} ${error.unit}`), `${one.title}: ${figure(error.nrmse, 3)} times its noise`, held ? h("span", { class: "note" }, `, held out ${figure(held.nrmse, 3)}`) : "");
     }));
     for (const [c, one] of opened.channels.entries()) {
       const error = header.channels[one.name];
