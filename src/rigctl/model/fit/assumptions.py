@@ -24,6 +24,8 @@ from rigctl.units import parse_unit, show, significant
 _DETERMINED = 0.5
 #: standard deviations about the ends of the range
 _SPREADS = 2.0
+#: no physical quantity goes with such a power of another one
+_STEEPEST = 8.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def conditional_numbers(fitted: FitResult) -> dict[str, Conditional]:
             if abs(slope) * math.sqrt(covariance[k, k]) > std
         ]
         if followed:
-            low, high = _ends(float(fitted.values[x]), std, followed)
+            low, high = over_range(float(fitted.values[x]), std, followed)
             found[name] = Conditional(tuple(one for one, _ in followed), std, low, high)
     return found
 
@@ -121,8 +123,9 @@ def _left_open(fitted: FitResult) -> list[Assumption]:
     return result
 
 
-def _ends(x: float, std: float, followed: Sequence[tuple[Assumption, float]]) -> tuple[float, float]:
-    """The least and the greatest value over the ranges, with two standard deviations."""
+def over_range(x: float, std: float, followed: Sequence[tuple[Assumption, float]]) -> tuple[float, float]:
+    """The least and the greatest value of a fitted x over the ranges of what it follows, with two standard
+    deviations; each of `followed` with the slope of x."""
     values = [x]
     for one, slope in followed:
         values = [_at(value, x, one, slope, to) for value in values for to in (one.low, one.high)]
@@ -132,7 +135,12 @@ def _ends(x: float, std: float, followed: Sequence[tuple[Assumption, float]]) ->
 
 
 def _at(value: float, x: float, one: Assumption, slope: float, to: float) -> float:
-    """What `value` becomes where an assumed number goes `to` an end of its range, x being the fitted one."""
-    if x != 0.0 and one.value * to > 0.0:
-        return value * float((to / one.value) ** (slope * one.value / x))
+    """What `value` becomes where an assumed number goes `to` an end of its range, x being the fitted one.
+
+    By the power law of their slope, ``x ∝ a^k``, as products and quotients follow each other. The slope of a
+    small difference of others shows no power: it follows as a line.
+    """
+    power = slope * one.value / x if x != 0.0 else math.inf
+    if one.value * to > 0.0 and abs(power) < _STEEPEST:
+        return value * float((to / one.value) ** power)
     return value + slope * (to - one.value)
