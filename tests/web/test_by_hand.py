@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +110,7 @@ def test_a_movement_is_a_jog_after_which_the_bench_is_watched_again(bench: Bench
     bench.watched()
     bench.ask(bench.hand.open_controls)
     moved = bench.ask(bench.hand.move, actuator="valve", value="extend", seconds=0.3)
-    assert moved == {"command": 'rigctl jog valve extend --for "0.3 s"'}
+    assert moved == {"command": 'rigctl jog valve extend --for "0.3 s" --rig rigs/hl32-bench.yaml'}
     with pytest.raises(RigctlError, match="a movement is in progress"):
         bench.ask(bench.hand.move, actuator="valve", value="retract", seconds=0.3)
     outputs = set()
@@ -166,6 +166,98 @@ def test_a_real_bench_is_opened_by_its_name(bench: Bench, monkeypatch: pytest.Mo
             bench.ask(bench.hand.open_controls, rig=typed)
     bench.watched()
     assert bench.ask(bench.hand.open_controls, rig="HL32 bench") == {"open": True}
+
+
+class Silent:
+    """A process that says nothing, and notes how it is asked to end."""
+
+    def __init__(self) -> None:
+        self.signals: list[int] = []
+
+    def poll(self) -> None:
+        return None
+
+    def send_signal(self, number: int) -> None:
+        self.signals.append(number)
+
+
+@pytest.fixture
+def stub(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    """A bench in a project of its own, whose commands are not started."""
+    (tmp_path / "rigs").mkdir()
+    rig = (project / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
+    for name in ("one", "two"):
+        (tmp_path / "rigs" / f"{name}.yaml").write_text(rig.replace("HL32 bench", name), encoding="utf-8")
+    (tmp_path / "rigctl.toml").write_text('rig = "rigs/one.yaml"', encoding="utf-8")
+    found = Bench(tmp_path)
+    found.lease.connected("a")
+
+    def start(words: Sequence[str]) -> None:
+        found.hand._command = by_hand._Command(words, Silent())  # type: ignore[arg-type]
+
+    monkeypatch.setattr(found.hand, "_start", start)
+    yield found
+    found.hand._command = None
+
+
+def test_commands_are_given_the_rig_that_the_page_shows(stub: Bench) -> None:
+    """The settings were read once, and the commands read them anew: they moved another bench."""
+    assert stub.state()["rig"] == "one"
+    (stub.site.project.root / "rigctl.toml").write_text('# anew\nrig = "rigs/two.yaml"', encoding="utf-8")
+    assert stub.state()["rig"] == "two"
+    assert Live(stub.site).off(PageRequest({}, {}, {}, "a"))["rig"] == "two"
+    stub.ask(stub.hand.watch)
+    stub.ask(stub.hand.open_controls)
+    moved = stub.ask(stub.hand.move, actuator="valve", value="extend", seconds=0.5)
+    assert moved == {"command": 'rigctl jog valve extend --for "0.5 s" --rig rigs/two.yaml'}
+
+
+@pytest.mark.parametrize("changed", ["rigs/one.yaml", "rigctl.toml"])
+def test_controls_that_were_opened_for_one_bench_move_no_other(stub: Bench, changed: str) -> None:
+    """A simulated bench is opened without its name, and its file may lead to a real one a moment later."""
+    stub.ask(stub.hand.watch)
+    stub.ask(stub.hand.open_controls)
+    path = stub.site.project.root / changed
+    text = path.read_text(encoding="utf-8")
+    path.write_text("#\n" + text.replace("kind: simulated", "kind: serial").replace("one", "two"))
+    with pytest.raises(RigctlError, match="not the one that was watched"):
+        stub.ask(stub.hand.move, actuator="valve", value="extend", seconds=0.5)
+    assert not stub.state()["open"]
+    assert stub.hand._command is not None
+    assert stub.hand._command.asked_to_end
+    assert stub.hand._next is None
+
+
+def test_a_movement_is_not_begun_on_a_bench_that_has_changed_since_it_was_asked_for(stub: Bench) -> None:
+    stub.ask(stub.hand.watch)
+    stub.ask(stub.hand.open_controls)
+    stub.ask(stub.hand.move, actuator="valve", value="extend", seconds=0.5)
+    (stub.site.project.root / "rigs" / "one.yaml").write_text("name: [", encoding="utf-8")
+    doing = stub.hand._command
+    assert doing is not None
+    stub.hand._ended(doing)
+    assert stub.ended()
+    assert not stub.hand._opener
+
+
+def test_a_movement_ends_within_its_longest_time_although_its_level_is_reached_slowly(stub: Bench) -> None:
+    """`jog --for` counts from the arrival at a level with a max_rate: 0.5 s could be minutes."""
+    path = stub.site.project.root / "rigs" / "one.yaml"
+    text = path.read_text(encoding="utf-8")
+    for written, instead in (
+        ("    by: operator\n", "    max_rate: 1 bar/s\n"),
+        ("    prompt: Turn the relief valve until the supply pressure reads\n", ""),
+        ("  valve: neutral\n", "  valve: neutral\n  relief_valve: 10 bar\n"),
+    ):
+        assert written in text
+        text = text.replace(written, instead)
+    path.write_text(text, encoding="utf-8")
+    stub.ask(stub.hand.watch)
+    stub.ask(stub.hand.open_controls)
+    wanted: dict[str, Any] = {"actuator": "relief_valve", "seconds": 0.5}
+    with pytest.raises(RigctlError, match=r"30 s to its level.*at most 10 s in all"):
+        stub.ask(stub.hand.move, value="40 bar", **wanted)
+    stub.ask(stub.hand.move, value="15 bar", **wanted)
 
 
 def test_the_only_rig_of_a_project_is_its_bench(project: Path, tmp_path: Path) -> None:

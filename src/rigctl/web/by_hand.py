@@ -26,6 +26,8 @@ from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Site
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from starlette.routing import BaseRoute
 
     from rigctl.rig import Rig
@@ -40,6 +42,7 @@ _MOST_ROWS: Final = 6000
 _MOST_MESSAGES: Final = 50
 #: s that the end of the server waits for a command; it makes the outputs safe without being waited for, too
 _PATIENCE: Final = 3.0
+_ANOTHER: Final = "the bench, or the file that describes it, is not the one that was watched any more"
 
 
 @dataclass
@@ -78,6 +81,7 @@ class ByHand:
         self._command: _Command | None = None
         self._next: Sequence[str] | None = None  # begins once the command has ended
         self._monitor: Sequence[str] = ()
+        self._watched: tuple[Path | None, str] = (None, "")  # the file that describes the bench, and its hash
         self._opener = ""  # the window that has opened the controls
         self._asked: dict[str, float] = {}  # when each window asked last
         self._began = monotonic()
@@ -112,6 +116,8 @@ class ByHand:
         except ValueError:
             after = float("-inf")
         with self._lock:
+            if self._command is not None and _file(rig) != self._watched:
+                self._leave_another()
             self._asked[request.viewer] = monotonic()
             if self._lease.told(request.viewer)["mine"]:  # without a socket, asking shows that it is there
                 self._lease.take(request.viewer, over=False)
@@ -135,7 +141,7 @@ class ByHand:
 
     def watch(self, request: PageRequest) -> dict[str, Any]:
         """Begin to read the bench; its outputs are in their safe state."""
-        self.rig()
+        rig = self.rig()
         with self._lock:
             self._lease.take(request.viewer, over=False)
             if self._command is not None:
@@ -149,7 +155,8 @@ class ByHand:
             self._rows.clear()
             self._messages.clear()
             self._outputs, self._alarms, self._unsafe = {}, (), ""
-            self._monitor = ("monitor", *self._named())
+            self._watched = _file(rig)
+            self._monitor = ("monitor", "--rig", self._path(rig))
             self._start((*self._monitor, "--json"))
         threading.Thread(target=self._mind, name="bench by hand", daemon=True).start()
         return {"command": command(self._monitor)}
@@ -165,6 +172,7 @@ class ByHand:
             self._lease.take(request.viewer, over=False)
             if self._command is None:
                 raise RigctlError("the bench is not watched", exit_code=ExitCode.FAILED)
+            self._require_watched(rig)
             self._opener = request.viewer
         return {"open": True}
 
@@ -178,7 +186,8 @@ class ByHand:
                 raise RigctlError("this window has not opened the controls", exit_code=ExitCode.FAILED)
             if self._command is None or self._command.moves or self._next is not None:
                 raise RigctlError("a movement is in progress", exit_code=ExitCode.FAILED)
-            options = ("--for", duration, *self._named())
+            self._require_watched(rig)
+            options = ("--for", duration, *self._monitor[1:])
             self._next = ("jog", *options, "--readings", "--json", "--", name, value)
             self._command.end()
         moved = ("--", name, value) if value.startswith("-") else ()
@@ -230,21 +239,37 @@ class ByHand:
         from rigctl.rig import load_rig
 
         root = self._site.require_project()
-        named = self._named()
-        return load_rig(root / named[1] if named else self._site.project.rig or root)
-
-    def _named(self) -> tuple[str, ...]:
-        """The option that names the only rig of a project that does not name one itself."""
+        self._site.refresh()
         if self._site.project.rig is not None:
-            return ()
-        paths = sorted((self._site.project.root / "rigs").glob("*.yaml"))
+            return load_rig(self._site.project.rig)
+        paths = sorted((root / "rigs").glob("*.yaml"))
         if len(paths) != 1:
             raise RigctlError(
                 "which bench is meant is not known",
                 hint='rig = "rigs/NAME.yaml" in rigctl.toml says it',
                 exit_code=ExitCode.FAILED,
             )
-        return ("--rig", f"rigs/{paths[0].name}")
+        return load_rig(paths[0])
+
+    def _path(self, rig: Rig) -> str:
+        """The file of a rig as commands are told, so that they open what the page shows."""
+        assert rig.path is not None  # noqa: S101 - it was loaded
+        root = self._site.project.root
+        return (rig.path.relative_to(root) if rig.path.is_relative_to(root) else rig.path).as_posix()
+
+    def _require_watched(self, rig: Rig) -> None:
+        """Refuse a bench other than the one that is watched, and leave that one.
+
+        Its controls were opened by its name, and its file may now lead to a real bench.
+        """
+        if _file(rig) != self._watched:
+            self._leave_another()
+            raise RigctlError(_ANOTHER, hint="Watch it anew", exit_code=ExitCode.FAILED)
+
+    def _leave_another(self) -> None:
+        if not self._command or not self._command.asked_to_end:
+            self._say(_ANOTHER)
+        self.leave()
 
     def _start(self, words: Sequence[str]) -> None:
         """Start a command in a process that no Ctrl-C of this server's terminal reaches."""
@@ -313,10 +338,20 @@ class ByHand:
             self._unsafe = _unsafe(doing, answer)
         if self._unsafe or (not doing.moves and not doing.asked_to_end):
             self._opener = ""  # it has failed, and its messages say why
-        elif following is not None:
+        elif following is not None and self._is_still_watched():
             self._start(following)
         elif self._opener:  # watching again, after a movement or one that was stopped before it began
             self._start((*self._monitor, "--json"))
+
+    def _is_still_watched(self) -> bool:
+        """Whether the bench is still the one that was watched, just before a movement of it begins."""
+        try:
+            if _file(self.rig()) == self._watched:
+                return True
+        except RigctlError as problem:
+            self._say(str(problem))
+        self._leave_another()
+        return False
 
     def _mind(self) -> None:
         """Leave the bench when the windows are gone, and close the controls of one that is."""
@@ -330,6 +365,10 @@ class ByHand:
                 commands = bool(self._lease.told(self._opener)["mine"]) if self._opener else False
                 if not self._asked or (self._opener and not (self._opener in self._asked and commands)):
                     self.leave()
+
+
+def _file(rig: Rig) -> tuple[Path | None, str]:
+    return rig.path, rig.sha256
 
 
 def _is_real(rig: Rig) -> bool:
@@ -371,16 +410,25 @@ def _movement(rig: Rig, request: PageRequest) -> tuple[str, str, str]:
     Raises
     ------
     RigctlError
-        no such output, a value that it cannot take, or a time that is too long.
+        no such output, a value that it cannot take, or a time that is too long, with that to the level.
     """
+    from rigctl.steps.approach import approach_time
+
     name, value, seconds = request.text("actuator"), request.text("value"), request.body.get("seconds")
     known = [knob["name"] for knob in _knobs(rig)]
     if name not in known:
         raise unknown_name("output", name, known)
-    rig.actuators[name].read(value)
+    described = rig.actuators[name]
+    way = approach_time(float(rig.safe_state.get(name, 0.0)), described.read(value), described.max_rate)
     if not isinstance(seconds, int | float) or isinstance(seconds, bool) or not 0.0 < seconds <= _LONGEST:
         wanted = f"more than 0 s, at most {_LONGEST:g} s"
         raise RigctlError("how long the output is moved", value=str(seconds), expected=wanted)
+    if way + seconds > _LONGEST:  # jog counts from the arrival at the level
+        raise RigctlError(
+            "how long the output is moved",
+            value=f"{way:.3g} s to its level, at its max_rate, and {seconds:g} s there",
+            expected=f"at most {_LONGEST:g} s in all",
+        )
     return name, value, f"{seconds:g} s"
 
 

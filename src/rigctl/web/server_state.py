@@ -35,14 +35,23 @@ class Site:
     at_end: list[Callable[[], None]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._begun = (self.project.root / MARKER).is_file()
+        self._read = self._written()
 
     def refresh(self) -> None:
-        """Read ``rigctl.toml`` if the folder has become a project since the server was started."""
-        if not self._begun and (self.project.root / MARKER).is_file():
+        """Read ``rigctl.toml`` if it has changed since it was read, as each command reads it anew."""
+        written = self._written()
+        if written not in (None, self._read):
             with suppress(RigctlError):  # half written: the next call reads it
                 self.project = find_project(self.project.root)
-                self._begun = True
+                self._read = written
+
+    def _written(self) -> tuple[int, int] | None:
+        """When ``rigctl.toml`` was written, and its length; None without the file."""
+        try:
+            found = (self.project.root / MARKER).stat()
+        except OSError:
+            return None
+        return found.st_mtime_ns, found.st_size
 
     def require_project(self) -> Path:
         """The project's folder.

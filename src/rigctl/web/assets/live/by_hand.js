@@ -30,7 +30,7 @@ export const byHand = (hear, idle) => {
   const knobs = h("div", { class: "knobs" });
   const controls = h("div", { class: "hand-controls", hidden: true },
     h("span", { class: "labelled" }, h("label", { for: "bench-seconds" }, "For, s"), seconds, stop), knobs,
-    h("p", { class: "note" }, "One press moves one output for that time, within its range and under the interlocks; then every output is safe again."));
+    h("p", { class: "note" }, "One press moves one output for that time, from its arrival where it has a max_rate, at most 10 s in all, within its range and under the interlocks; then every output is safe again."));
   const element = h("section", { class: "panel by-hand", "aria-label": "The bench by hand" },
     h("div", { class: "toolbar" }, h("h2", {}, "By hand"), watch, leave, opening), stand, unsafe, alarms, controls, shownCommand, messages);
 
