@@ -94,3 +94,15 @@ def test_a_missing_value_is_empty_and_a_large_one_is_marked() -> None:
     assert not TABLE.heads(leak)
     assert (z.text(leak), z.text(lag)) == ("4.0", "")
     assert (z.marked(leak), z.marked(lag)) == (True, False)
+
+
+def test_what_has_nothing_below_its_title_is_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    empty: tuple[Block, ...] = (
+        Points("evidence", ()),
+        Table((Column("name", "effect"),), (), "the ranking"),
+        Bars("shares", ()),
+        Details("more", (Points("evidence", ()),)),
+    )
+    show(empty)
+    assert capsys.readouterr().out == ""
+    assert page_blocks(empty) == ""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rigctl.analysis.decision_levels import ALIKE, ALPHA, LEAST_DIFFERENCE, LEAST_SEPARATION
-from rigctl.analysis.diagnosis_result import Drift, Ranked
+from rigctl.analysis.diagnosis_result import Drift, Ranked, Verdict
 from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.linear.cross_validation import CrossValidation
 from rigctl.analysis.linear.power import hidden_at_typical_size
@@ -28,8 +28,12 @@ def collected_evidence(judgement: Judgement, members: Mapping[str, Ranked]) -> l
     if before.adequacy.agrees and (hidden := hidden_at_typical_size(before.projected)):
         total = len({candidate.name for candidate in before.projected.linearisation.candidates})
         evidence.append(Evidence("", (), "power", len(hidden), total, hidden))
+    # the statement of a verdict that names nothing is that of the comparison which is shown
+    stated = (
+        before.suspicious if judgement.shown is before and judgement.verdict is Verdict.ADEQUATE else None
+    )
     evidence += [
-        Evidence("", (), "record_level", finding=one, stated=one is before.suspicious)
+        Evidence("", (), "record_level", finding=one, stated=one is stated)
         for one in before.record_level
         if one.statement
     ]

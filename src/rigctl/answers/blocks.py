@@ -184,6 +184,21 @@ class Next:
 Block: TypeAlias = Sentence | Note | Points | Table | Bars | Figure | Details | Next
 
 
+def is_empty(block: Block) -> bool:
+    """Whether nothing would be below the title of a block, which is then left out."""
+    match block:
+        case Points():
+            return not block.points
+        case Table():
+            return not block.rows
+        case Bars():
+            return not block.bars
+        case Details():
+            return all(map(is_empty, block.blocks))
+        case _:
+            return False
+
+
 @dataclass(frozen=True)
 class Answer:
     """The result for a reader who has a minute; the evidence for it is other blocks.
@@ -195,6 +210,7 @@ class Answer:
     facts: headings and texts, the most important first.
     first: what comes before the verdict: what has to be known to trust it.
     remarks: what belongs to it at any length.
+    folded: further remarks, for which only a page has room.
     more: what its evidence adds, each in a few words: ``4 notes on the data``.
     """
 
@@ -204,6 +220,7 @@ class Answer:
     facts: tuple[tuple[str, str], ...] = ()
     first: tuple[str, ...] = ()
     remarks: tuple[Block, ...] = ()
+    folded: tuple[Block, ...] = ()
     more: tuple[str, ...] = ()
     headed: bool = True
 

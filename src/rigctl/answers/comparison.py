@@ -17,6 +17,7 @@ from rigctl.answers.blocks import (
     Bars,
     Block,
     Column,
+    Details,
     Points,
     Sentence,
     Table,
@@ -32,6 +33,7 @@ from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure
 from rigctl.physics.family import ModelFamily
 from rigctl.units import significant
+from rigctl.wording import number_of
 
 _TONES: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
 _TITLES = {True: "Agrees", False: "Does not agree", None: "Cannot tell"}
@@ -51,8 +53,8 @@ _KINDS = {
     "state": ("range of a channel", 3),
     "stretch": ("worst stretches", 3),
 }
-#: trends and equations that are shown, and findings on the values of a table beside the answer
-_MOST, _MOST_FINDINGS = 6, 2
+#: trends and equations that are shown, and findings on the values of a table beside an answer
+_MOST, MOST_FINDINGS = 6, 2
 #: labels of records that are listed
 _FEW = 6
 
@@ -78,12 +80,13 @@ def comparison_answer(comparison: Comparison) -> Answer:
         _TITLES[verdict],
         last.statement,
         nonempty(facts),
-        last.first,
+        (*(f"{model.name}: {one}" for model in models[:-1] for one in model.first), *last.first),
         remarks=(
             *(block for model in models for block in _warnings(model)),
             *unusual(comparison.notes),
-            *findings(last, _MOST_FINDINGS),
+            *findings(last, MOST_FINDINGS),
         ),
+        folded=further_findings(last),
         more=(
             *counted(len(routine(comparison.notes)), "note on the data", "notes on the data"),
             "all tests and locations",
@@ -129,6 +132,12 @@ def findings(model: ModelComparison, most: int | None = None) -> list[Block]:
     """What the values of a table can tell."""
     shown = model.findings[:most]
     return [Points.of("what these data can and cannot tell", shown, titled=False)] if shown else []
+
+
+def further_findings(model: ModelComparison) -> tuple[Block, ...]:
+    """The findings that an answer leaves out."""
+    rest = model.findings[MOST_FINDINGS:]
+    return (Details(number_of(len(rest), "more finding"), (Points.of("", rest),)),) if rest else ()
 
 
 def numbers(comparison: Comparison) -> list[Block]:
@@ -197,7 +206,7 @@ def _data(comparison: Comparison) -> list[Block]:
         return [*notes]
     more = len(labels) - _FEW
     few = ", ".join(labels[:_FEW]) + (f" and {more} more" if more > 0 else "")
-    return [*notes, Points.of("", [f"held out: {len(labels)} records ({few})"])]
+    return [*notes, Points.of("", [f"held out: {number_of(len(labels), 'record')} ({few})"])]
 
 
 def _channels(model: ModelComparison) -> Table:

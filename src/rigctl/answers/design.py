@@ -131,8 +131,8 @@ def _outlooks(result: DesignResult) -> Table:
 def _sharpened(result: DesignResult) -> Table:
     columns = (
         Column("name", "parameter"),
-        Column("before", "± now", _three),
-        Column("after", "± after", _three),
+        Column("before", "± now (95 %)", _three),
+        Column("after", "± after (95 %)", _three),
         Column("unit", "unit", words=True),
     )
     return Table(columns, tuple(map(vars, result.sharpened)))

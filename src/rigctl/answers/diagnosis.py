@@ -27,7 +27,13 @@ from rigctl.answers.blocks import (
     counted,
     nonempty,
 )
-from rigctl.answers.comparison import departures, findings, place_in_words
+from rigctl.answers.comparison import (
+    MOST_FINDINGS,
+    departures,
+    findings,
+    further_findings,
+    place_in_words,
+)
 from rigctl.answers.errors import error_text, fit_text, pattern_of
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import certain, points, sentence, would_be_missing
@@ -45,8 +51,8 @@ _TONES: dict[Verdict, Tone] = {
     Verdict.OUTSIDE_LIBRARY: "bad",
     Verdict.UNDECIDED: "open",
 }
-#: effects whose size is stated; findings and next steps beside the answer; curves of laws
-_MOST_SIZES, _MOST_SAID, _MOST_LAWS = 2, 2, 4
+#: effects whose size is stated; next steps beside the answer; curves of laws
+_MOST_SIZES, _MOST_STEPS, _MOST_LAWS = 2, 2, 4
 #: effects of the ranking that are shown besides those of the verdict
 _RANKED = 8
 _CURVES = "the assumed law, and the one estimated from the data"
@@ -84,12 +90,13 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
         diagnosis.first,
         remarks=(
             *departures(diagnosis.outside),
-            *findings(diagnosis.before, _MOST_SAID),
-            *_next_steps(diagnosis, _MOST_SAID),
+            *findings(diagnosis.before, MOST_FINDINGS),
+            *_next_steps(diagnosis, _MOST_STEPS),
             *unusual(diagnosis.notes),
             *_intervals(diagnosis.bootstrap),
             *written_laws(diagnosis.laws),
         ),
+        folded=further_findings(diagnosis.before),
         more=left_out(diagnosis),
         headed=_headed(diagnosis),
     )
@@ -134,6 +141,7 @@ def whole_diagnosis(diagnosis: Diagnosis) -> tuple[Block, ...]:
         *all_notes(diagnosis.notes),
         *findings(before),
         *diagnosis_evidence(diagnosis),
+        *written_laws(diagnosis.laws),
     )
 
 

@@ -19,6 +19,7 @@ from rigctl.answers.blocks import (
     Points,
     Sentence,
     Table,
+    is_empty,
 )
 from rigctl.cli.next_command import show_next
 from rigctl.cli.tables import console, table
@@ -50,6 +51,8 @@ def show_answer(answer: Answer, evidence: Sequence[Block] = ()) -> None:
 def show(blocks: Iterable[Block]) -> None:
     """Print the blocks one below another."""
     for block in blocks:
+        if is_empty(block):
+            continue
         if isinstance(block, Details):
             show(block.blocks)
         elif isinstance(block, Next):
@@ -88,7 +91,7 @@ def _styled(text: str, style: str) -> str:
 
 
 def _show_points(block: Points) -> None:
-    if block.title and block.points and block.titled:
+    if block.title and block.titled:
         _print(f"  [bold]{escape(block.title)}[/]")
     for point in block.points:
         _print(f"  {_MARKS[point.mark]}{escape(point.text)}")
@@ -97,7 +100,7 @@ def _show_points(block: Points) -> None:
 def _show_bars(block: Bars) -> None:
     """The notes beside bars are left out: lines would be too long."""
     _print(f"  [bold]{escape(block.title)}[/]")
-    width = max((len(bar.label) for bar in block.bars), default=0)
+    width = max(len(bar.label) for bar in block.bars)
     for bar in block.bars:
         drawn = draw_bar(bar.share, 1.0, width=_LONG_BAR)
         _print(f"  {escape(bar.label):<{width}}  [cyan]{drawn}[/] {escape(bar.text)}")

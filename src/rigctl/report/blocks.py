@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from markupsafe import Markup
 
-from rigctl.answers.blocks import Block, Figure
+from rigctl.answers.blocks import Block, Figure, is_empty
 from rigctl.report.section import render
 
 
@@ -21,5 +21,5 @@ def page_blocks(blocks: Iterable[Block], figures: Mapping[str, Markup] | None = 
     return Markup().join(
         render(f"blocks/{type(block).__name__.casefold()}.html", block=block, figures=drawn, page=page_blocks)
         for block in blocks
-        if not isinstance(block, Figure) or block.key in drawn
+        if not is_empty(block) and (not isinstance(block, Figure) or block.key in drawn)
     )

@@ -42,11 +42,7 @@ def design_sections(result: DesignResult) -> list[Section]:
         *rival_tables(result),
         *([Points.of("records", whys)] if whys else []),
         *(Figure(plot.id, plot.caption) for plot in plots),
-        *(
-            [Points.of("sensors that the bench could have", ()), *sensor_tables(result)]
-            if result.sensors
-            else []
-        ),
+        *sensor_tables(result),
         Figure("sensors", "what the sensors distinguish, over their price"),
         *map(Note, result.notes),
     ]

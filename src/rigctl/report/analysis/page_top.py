@@ -86,7 +86,7 @@ def answer_section(answer: Answer, named: NamedModels | None, *, about: str) -> 
         quiet="" if answer.tone == "open" else words(_unchanged(channel_falls, shown) if shown else error),
         plot=None if plot is None else plot_slot(plot),
         caption="" if plot is None else plot.caption,
-        remarks=page_blocks(answer.remarks),
+        remarks=page_blocks((*answer.remarks, *answer.folded)),
     )
     drawn = () if plot is None else (plot,)
     return Section("answer", words(answer.title), body, drawn, names_page=about)

@@ -1,0 +1,132 @@
+"""What an answer leaves out beside the verdict is found where there is room for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from linear_problem import PLAIN, compared, made_design
+from rigctl.analysis.collected_evidence import collected_evidence
+from rigctl.analysis.comparison_result import Comparison, ModelComparison
+from rigctl.analysis.diagnosis import diagnose_comparison
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.search.judgement import Judgement
+from rigctl.answers.blocks import Answer
+from rigctl.answers.comparison import comparison_answer
+from rigctl.answers.design import rival_tables
+from rigctl.answers.diagnosis import diagnosis_answer, whole_diagnosis
+from rigctl.cli.blocks import show, show_answer
+from rigctl.report.analysis.page_top import answer_section
+
+
+@pytest.fixture(scope="module")
+def model() -> ModelComparison:
+    """A model that lacks an effect of 30 sigma."""
+    design = made_design(PLAIN, np.eye(len(PLAIN)))
+    return compared(design, design.readings({"alpha.size": 30.0}, design.typical_noise()))
+
+
+@pytest.fixture(scope="module")
+def diagnosis(model: ModelComparison) -> Diagnosis:
+    return diagnose_comparison(model)
+
+
+def with_findings(model: ModelComparison, count: int) -> ModelComparison:
+    located = replace(model.located)
+    vars(located)["findings"] = tuple(f"value {number} is off" for number in range(count))
+    return replace(model, located=located)
+
+
+def page(answer: Answer) -> str:
+    return str(answer_section(answer, None, about="m").body)
+
+
+def printed(answer: Answer, capsys: pytest.CaptureFixture[str]) -> str:
+    show_answer(answer)
+    return capsys.readouterr().out
+
+
+def comparison(*models: ModelComparison, held_out: Sequence[str] = ()) -> Comparison:
+    return Comparison(runs=("r",), held_out=tuple(held_out), notes=(), models=models)
+
+
+def test_a_page_has_every_finding_and_a_terminal_the_first_two(
+    model: ModelComparison, diagnosis: Diagnosis, capsys: pytest.CaptureFixture[str]
+) -> None:
+    five = with_findings(model, 5)
+    for answer in (comparison_answer(comparison(five)), diagnosis_answer(replace(diagnosis, before=five))):
+        drawn, told = page(answer), printed(answer, capsys)
+        assert all(f"Value {number} is off." in drawn for number in range(5))
+        assert "<summary>3 more findings</summary>" in drawn
+        assert "value 1 is off" in told
+        assert "value 2 is off" not in told
+    assert "1 more finding<" in page(comparison_answer(comparison(with_findings(model, 3))))
+    assert "<details>" not in page(comparison_answer(comparison(with_findings(model, 2))))
+
+
+def test_what_has_to_be_known_of_an_earlier_model_is_said_with_its_name(
+    model: ModelComparison, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def bounded(name: str, text: str) -> ModelComparison:
+        one = replace(model, name=name)
+        vars(one)["bounds"] = (SimpleNamespace(statement=text, decisive=False),)
+        return one
+
+    models = (bounded("old", "mass is at its bound"), bounded("new", "area is at its bound"))
+    told = printed(comparison_answer(comparison(*models)), capsys)
+    assert "old: mass is at its bound." in told
+    assert "\narea is at its bound." in told
+
+
+def test_the_whole_diagnosis_says_where_the_files_of_laws_are(
+    diagnosis: Diagnosis, capsys: pytest.CaptureFixture[str]
+) -> None:
+    law = SimpleNamespace(
+        statement="its law is a power",
+        differs=True,
+        file=Path("effects/alpha.yaml"),
+        law=SimpleNamespace(asked=np.array([np.nan])),
+        assumed=np.zeros(1),
+    )
+    show(whole_diagnosis(replace(diagnosis, laws=cast("Any", (law,)))))
+    assert "written: effects/alpha.yaml" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("verdict", "as_compared", "stated"),
+    [
+        (Verdict.ADEQUATE, True, True),
+        (Verdict.ADEQUATE, False, False),  # shown is another comparison, with a statement of its own
+        (Verdict.AMBIGUOUS, True, False),  # its statement is of effects
+    ],
+)
+def test_record_level_evidence_is_left_out_only_if_the_statement_has_it(
+    verdict: Verdict, as_compared: bool, stated: bool
+) -> None:
+    drifting = SimpleNamespace(statement="the zeros follow the temperature")
+    before = SimpleNamespace(
+        adequacy=SimpleNamespace(agrees=False), record_level=(drifting,), suspicious=drifting
+    )
+    judged = SimpleNamespace(
+        search=SimpleNamespace(before=before),
+        shown=before if as_compared else SimpleNamespace(),
+        verdict=verdict,
+        named=False,
+    )
+    (evidence,) = collected_evidence(cast("Judgement", judged), {})
+    assert evidence.finding is drifting
+    assert evidence.stated is stated
+
+
+def test_a_design_says_what_its_uncertainties_are(capsys: pytest.CaptureFixture[str]) -> None:
+    sharper = SimpleNamespace(name="mass", before=2.0, after=1.0, unit="kg")
+    show(rival_tables(cast("Any", SimpleNamespace(rivals=(), outlooks=(), sharpened=(sharper,)))))
+    told = capsys.readouterr().out
+    assert "± now (95 %)" in told
+    assert "± after (95 %)" in told
