@@ -17,6 +17,7 @@ from commands import answer, call, refusal, told
 from rigctl.dataset import list_runs
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.model import load_model
+from rigctl.model.measured.hold_out import require_names
 from rigctl.monitoring.survey import _picked, _require_condition, survey
 from rigctl.tasks import Workers
 
@@ -224,6 +225,21 @@ def test_a_condition_with_an_unknown_name_is_refused_before_any_run_is_read(
         monkeypatch.setattr(f"rigctl.monitoring.survey.{read}", None)
     with chdir(year):
         assert "did you mean 'record'" in refusal("survey", *SHARED, "--only", "recrod > 1")
+
+
+def test_a_damaged_run_does_not_prevent_a_condition(year: Path) -> None:
+    """Its columns are not known, and the others are surveyed without it."""
+
+    class Damaged:
+        layout = SimpleNamespace(channels=(), commands=())
+
+        @property
+        def records(self) -> Any:
+            raise RigctlError("the file is damaged")
+
+    model = load_model(year / "models" / "pump.yaml")
+    runs: Any = [Damaged()]
+    require_names("rod > 1", model, runs)
 
 
 def test_a_condition_is_refused_only_if_no_run_knows_its_names(monkeypatch: pytest.MonkeyPatch) -> None:

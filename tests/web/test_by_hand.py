@@ -260,6 +260,69 @@ def test_a_movement_ends_within_its_longest_time_although_its_level_is_reached_s
     stub.ask(stub.hand.move, value="15 bar", **wanted)
 
 
+def test_everything_off_does_not_depend_on_what_leaves_the_bench(
+    stub: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live = Live(stub.site)
+
+    def leave() -> None:
+        raise OSError(6, "The handle is invalid")
+
+    monkeypatch.setattr(live.by_hand, "leave", leave)
+    assert live.off(PageRequest({}, {}, {}, "a"))["confirmed"]
+
+
+def test_outputs_stay_unconfirmed_until_they_are_confirmed(stub: Bench) -> None:
+    """The alert went as soon as the bench was to be watched, before anything had reached it."""
+    live = Live(stub.site)
+    live.by_hand, hand = stub.hand, stub.hand
+    stub.ask(hand.watch)
+    doing = hand._command
+    assert doing is not None
+    doing.words, doing.samples = ("jog", "--", "heater", "on"), 1
+    hand._ended(doing)
+    assert stub.state()["unsafe"].startswith("heater")
+    stub.ask(hand.watch)
+    settings = stub.site.project.root / "rigctl.toml"
+    settings.write_text('# another bench\nrig = "rigs/two.yaml"', encoding="utf-8")
+    stub.ask(live.off)
+    settings.write_text("rig = 1", encoding="utf-8")
+    assert stub.state()["unsafe"].startswith("heater")
+    settings.write_text('rig = "rigs/one.yaml"', encoding="utf-8")
+    stub.ask(live.off)
+    assert stub.state()["unsafe"] == ""
+
+
+def test_a_movement_can_be_stopped_before_it_has_begun(stub: Bench) -> None:
+    stub.ask(stub.hand.watch)
+    stub.ask(stub.hand.open_controls)
+    stub.ask(stub.hand.move, actuator="valve", value="extend", seconds=0.5)
+    assert stub.state()["moving"]
+    stub.ask(stub.hand.stop, "b")
+    assert not stub.state()["moving"]
+
+
+def test_an_output_rests_for_its_min_interval_between_two_movements(stub: Bench) -> None:
+    """Each movement is a process of its own, which knows of no earlier one."""
+    stub.ask(stub.hand.watch)
+    doing = stub.hand._command
+    assert doing is not None
+    doing.words, doing.samples, doing.answer = ("jog", "--", "heater", "on"), 1, ['{"unconfirmed": null}']
+    stub.ask(stub.hand.open_controls)
+    stub.hand._ended(doing)
+    with pytest.raises(RigctlError, match="switched a moment ago") as refused:
+        stub.ask(stub.hand.move, actuator="heater", value="on", seconds=0.5)
+    assert "min_interval is 2 s" in str(refused.value.hint)
+    stub.ask(stub.hand.move, actuator="valve", value="extend", seconds=0.5)
+
+
+def test_controls_of_a_bench_that_is_being_left_are_not_opened(stub: Bench) -> None:
+    stub.ask(stub.hand.watch)
+    stub.ask(stub.hand.close)
+    with pytest.raises(RigctlError, match="not watched"):
+        stub.ask(stub.hand.open_controls)
+
+
 def test_the_only_rig_of_a_project_is_its_bench(project: Path, tmp_path: Path) -> None:
     """A project of `rigctl init --minimal` names none, and 'Everything off' asked which is meant."""
     create_project(tmp_path / "lab", minimal=True)
@@ -291,6 +354,25 @@ def test_a_movement_whose_program_was_killed_is_said_to_be_unsafe(bench: Bench) 
     assert state["unsafe"].startswith("heater")
     assert not state["open"]  # and nothing has begun again
     assert not state["watched"]
+    bench.watched()  # its first reading follows the safe state
+    assert bench.state()["unsafe"] == ""
+
+
+def test_a_bench_is_left_although_no_signal_can_be_sent(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On Windows without a console; the command then ends because its readings are not taken any more."""
+
+    def interrupt(_: object) -> None:
+        raise OSError(6, "The handle is invalid")
+
+    monkeypatch.setattr(by_hand, "_interrupt", interrupt)
+    bench.watched()
+    doing = bench.hand._command
+    assert doing is not None
+    bench.ask(bench.hand.close)
+    wait_for(bench.ended)
+    assert doing.process.returncode is not None
 
 
 def test_a_jog_whose_readings_nobody_takes_ends(project: Path, tmp_path: Path) -> None:

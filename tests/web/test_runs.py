@@ -7,6 +7,7 @@ import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,10 +15,12 @@ import pytest
 from commands import answer, told
 from rigctl.dataset import open_run
 from rigctl.dataset.catalogue import page_of_runs
+from rigctl.dataset.curate import exclude
+from rigctl.dataset.sql import query
 from rigctl.errors import RigctlError
 from rigctl.project import Project
 from rigctl.web.jobs import Jobs
-from rigctl.web.overlay import overlay
+from rigctl.web.overlay import _query, overlay
 from rigctl.web.request_handling import PageRequest
 from rigctl.web.runs import Catalogue
 from rigctl.web.server_state import Site
@@ -211,6 +214,58 @@ def test_an_overlay_begins_with_a_measure_over_what_was_varied(served: Served, t
             overlay([open_run(two[0], served.project / "runs")], y)
     with pytest.raises(RigctlError, match="1 to 8"):
         overlay([open_run(two[0], served.project / "runs")] * 9)
+
+
+@pytest.mark.parametrize(("y", "x"), [("position", "supply_pressure"), ("stroke", "oil_temperature")])
+def test_runs_with_other_units_are_drawn_on_one_axis(
+    served: Served, two: tuple[str, str], y: str, x: str
+) -> None:
+    """Metres and millimetres, kelvin and degrees Celsius were drawn as the same numbers."""
+    first = open_run(two[0], served.project / "runs")
+    layout = first.info["layout"]
+    for given, instead in (("mm", "m"), ("degC", "K"), ("bar", "Pa")):
+        assert given in layout["units"]
+        layout = {**layout, "units": [instead if unit == given else unit for unit in layout["units"]]}
+    # without the ranges of its sensors, in which these numbers are not
+    other = replace(first, info={**first.info, "id": "other", "layout": layout, "calibrations": {}})
+    shown = overlay([first, other], y, x)
+    units = {one["name"]: one["unit"] for one in shown["quantities"]}
+    # the numbers of the copy are stored, and now said to be in other units
+    scale = {"mm": (1e3, 0.0), "degC": (1.0, -273.15), "bar": (1e-5, 0.0)}
+    own, converted = shown["series"]
+    for axis, name in (("y", y), ("x", x)):
+        factor, offset = scale[units[name]] if name in layout["channels"] else (1.0, 0.0)
+        assert converted[axis] == pytest.approx([value * factor + offset for value in own[axis]], rel=1e-4)
+    wrong = {**layout, "units": ["A" if unit == "K" else unit for unit in layout["units"]]}
+    unlike = replace(first, info={**first.info, "id": "unlike", "layout": wrong})
+    with pytest.raises(RigctlError, match="oil_temperature is another quantity in unlike"):
+        overlay([first, unlike], "oil_temperature")
+
+
+@pytest.mark.parametrize(
+    ("y", "x"),
+    [("position", ""), ("stroke", "supply"), ("stroke", "oil_temperature"), ("position", "supply_pressure")],
+)
+def test_the_command_beside_an_overlay_lists_usable_records_only(
+    served: Served, two: tuple[str, str], tmp_path: Path, y: str, x: str
+) -> None:
+    """Excluded records were listed, and names that are words of SQL refused."""
+    copied = tmp_path / "runs" / two[0]
+    shutil.copytree(served.project / "runs" / two[0], copied)
+    exclude(copied, [1], "air")
+    run = open_run(two[0], tmp_path / "runs")
+    sql = shlex.split(overlay([run], y, x)["command"])[-1]
+    listed = query(sql, tmp_path / "runs")
+    assert listed.columns[-1] == y
+    assert {row[listed.columns.index("record")] for row in listed.rows} == {0, 2, 3}
+
+
+def test_names_and_ids_are_quoted_in_the_command(served: Served, two: tuple[str, str]) -> None:
+    run = open_run(two[0], served.project / "runs")
+    odd = replace(run, info={**run.info, "id": "it's"})
+    sql = _query([odd], ["order", 'a"b'], {}, curves=False)
+    assert 'SELECT run, record, "order", "a""b" FROM records' in sql
+    assert "run IN ('it''s')" in sql
 
 
 def test_the_catalogue_can_be_used_with_the_keyboard_alone(window: Window, two: tuple[str, str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Collection
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from functools import lru_cache
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
@@ -41,9 +41,9 @@ def application(site: Site, keys: Keys, hosts: Collection[str], *, secure: bool)
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         yield
-        for end in site.at_end:
-            end()
-        site.jobs.close()
+        with ExitStack() as ending:  # each is called, also after one that fails
+            for end in (site.jobs.close, *reversed(site.at_end)):
+                ending.callback(end)
 
     routes: list[BaseRoute] = [
         Route("/", lambda _: RedirectResponse(f"/{PARTS[0].name}")),

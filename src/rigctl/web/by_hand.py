@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import sys
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -54,6 +55,7 @@ class _Command:
     answer: list[str] = field(default_factory=list)  #: lines that are no sample
     samples: int = 0
     asked_to_end: bool = False
+    unheard: bool = False  #: its readings are not taken any more, at which it ends too
 
     @property
     def moves(self) -> bool:
@@ -61,9 +63,31 @@ class _Command:
 
     def end(self) -> None:
         """Ask it to end as Ctrl-C does; it is never killed, since it makes the outputs safe."""
-        if not self.asked_to_end and self.process.poll() is None:
-            self.asked_to_end = True
-            self.process.send_signal(getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM))
+        if self.asked_to_end or self.process.poll() is not None:
+            return
+        try:
+            _interrupt(self.process)
+        except OSError:  # on Windows without a console there is no Ctrl-C
+            self.unheard = True  # closing the pipe here would wait for whoever reads it
+        self.asked_to_end = True
+
+
+def _interrupt(process: subprocess.Popen[str]) -> None:
+    """Send what Ctrl-C does.
+
+    Raises
+    ------
+    OSError
+        it cannot be sent.
+    """
+    if sys.platform == "win32":
+        import ctypes
+
+        # os.kill would end the process at once if the event cannot be sent, in some versions of Python
+        if not ctypes.windll.kernel32.GenerateConsoleCtrlEvent(signal.CTRL_BREAK_EVENT, process.pid):
+            raise ctypes.WinError()
+    else:
+        process.send_signal(signal.SIGTERM)
 
 
 class ByHand:
@@ -89,7 +113,9 @@ class ByHand:
         self._outputs: Mapping[str, str] = {}
         self._alarms: Sequence[str] = ()
         self._messages: deque[tuple[float, str]] = deque(maxlen=_MOST_MESSAGES)
-        self._unsafe = ""  # what may still be on
+        self._unsafe: dict[Path | None, str] = {}  # what may still be on, of the bench of each rig file
+        self._moved: dict[str, float] = {}  # when a movement of each output has ended
+        self._leaving = False
         site.at_end.append(self._end)
 
     def routes(self) -> Sequence[BaseRoute]:
@@ -99,7 +125,7 @@ class ByHand:
             post("/api/live/bench/watch", self.watch),
             post("/api/live/bench/open", self.open_controls),
             post("/api/live/bench/move", self.move),
-            post("/api/live/bench/stop", self.stop),
+            post("/api/live/bench/stop", self.stop, reserved=True),
             post("/api/live/bench/close", self.close),
         )
 
@@ -110,7 +136,7 @@ class ByHand:
         try:
             rig = self.rig()
         except RigctlError as problem:
-            return {"rig": None, "why": str(problem)}
+            return {"rig": None, "why": str(problem), "unsafe": self._unconfirmed()}
         try:
             after = float(request.text("after", "-inf"))
         except ValueError:
@@ -118,7 +144,8 @@ class ByHand:
         with self._lock:
             if self._command is not None and _file(rig) != self._watched:
                 self._leave_another()
-            self._asked[request.viewer] = monotonic()
+            if request.text("glance", "") != "1":  # a window that shows a run only looks whether all is safe
+                self._asked[request.viewer] = monotonic()
             if self._lease.told(request.viewer)["mine"]:  # without a socket, asking shows that it is there
                 self._lease.take(request.viewer, over=False)
             doing = self._command
@@ -129,14 +156,14 @@ class ByHand:
                 "knobs": _knobs(rig),
                 "longest": _LONGEST,
                 "watched": doing is not None,
-                "moving": doing is not None and doing.moves,
+                "moving": self._moving,
                 "command": command(doing.words) if doing is not None else "",
                 "open": bool(self._opener) and self._opener == request.viewer,
                 "rows": [row for row in self._rows if row[0] is not None and row[0] > after],
                 "outputs": dict(self._outputs),
                 "alarms": list(self._alarms),
                 "messages": [{"time": time, "text": text} for time, text in self._messages],
-                "unsafe": self._unsafe,
+                "unsafe": self._unconfirmed(),
             }
 
     def watch(self, request: PageRequest) -> dict[str, Any]:
@@ -154,7 +181,7 @@ class ByHand:
             self._began = monotonic()
             self._rows.clear()
             self._messages.clear()
-            self._outputs, self._alarms, self._unsafe = {}, (), ""
+            self._outputs, self._alarms, self._leaving = {}, (), False
             self._watched = _file(rig)
             self._monitor = ("monitor", "--rig", self._path(rig))
             self._start((*self._monitor, "--json"))
@@ -170,8 +197,6 @@ class ByHand:
             )
         with self._lock:
             self._lease.take(request.viewer, over=False)
-            if self._command is None:
-                raise RigctlError("the bench is not watched", exit_code=ExitCode.FAILED)
             self._require_watched(rig)
             self._opener = request.viewer
         return {"open": True}
@@ -184,12 +209,14 @@ class ByHand:
             self._lease.take(request.viewer, over=False)
             if not self._opener or self._opener != request.viewer:
                 raise RigctlError("this window has not opened the controls", exit_code=ExitCode.FAILED)
-            if self._command is None or self._command.moves or self._next is not None:
+            if self._moving:
                 raise RigctlError("a movement is in progress", exit_code=ExitCode.FAILED)
             self._require_watched(rig)
+            self._require_rest(rig, name)
             options = ("--for", duration, *self._monitor[1:])
             self._next = ("jog", *options, "--readings", "--json", "--", name, value)
-            self._command.end()
+            if self._command is not None:
+                self._command.end()
         moved = ("--", name, value) if value.startswith("-") else ()
         return {"command": command(("jog", *options, *moved) if moved else ("jog", name, value, *options))}
 
@@ -215,9 +242,23 @@ class ByHand:
     def leave(self) -> None:
         """End what has the bench, without waiting for it; nothing begins after it."""
         with self._lock:
-            self._next, self._opener = None, ""
+            self._next, self._opener, self._leaving = None, "", True
             if self._command is not None:
                 self._command.end()
+
+    def made_safe(self, rig: Rig) -> None:
+        """Take back what was said of a bench whose outputs are confirmed to be safe now."""
+        with self._lock:
+            self._unsafe.pop(_file(rig)[0], None)
+
+    def _unconfirmed(self) -> str:
+        with self._lock:
+            return "; ".join(self._unsafe.values())
+
+    @property
+    def _moving(self) -> bool:
+        """Whether an output moves, or is about to."""
+        return self._next is not None or (self._command is not None and self._command.moves)
 
     def _end(self) -> None:
         self.leave()
@@ -258,13 +299,26 @@ class ByHand:
         return (rig.path.relative_to(root) if rig.path.is_relative_to(root) else rig.path).as_posix()
 
     def _require_watched(self, rig: Rig) -> None:
-        """Refuse a bench other than the one that is watched, and leave that one.
+        """Refuse a bench that is not watched, or being left; leave one whose file has changed.
 
         Its controls were opened by its name, and its file may now lead to a real bench.
         """
+        if self._command is None or self._leaving:
+            raise RigctlError("the bench is not watched", exit_code=ExitCode.FAILED)
         if _file(rig) != self._watched:
             self._leave_another()
             raise RigctlError(_ANOTHER, hint="Watch it anew", exit_code=ExitCode.FAILED)
+
+    def _require_rest(self, rig: Rig, name: str) -> None:
+        """Refuse to switch an output before its `min_interval`: each movement is a process of its own."""
+        rest = rig.actuators[name].min_interval
+        left = self._moved.get(name, -rest) + rest - monotonic() if rest > 0.0 else 0.0
+        if left > 0.0:
+            raise RigctlError(
+                f"{name} was switched a moment ago",
+                hint=f"Wait {left:.1f} s: its min_interval is {rest:g} s",
+                exit_code=ExitCode.FAILED,
+            )
 
     def _leave_another(self) -> None:
         if not self._command or not self._command.asked_to_end:
@@ -305,13 +359,17 @@ class ByHand:
                 first = monotonic() - self._began - float(sample["time"])
             doing.samples += 1
             with self._lock:
+                if not doing.moves:  # it has brought the outputs to their safe state
+                    self._unsafe.pop(self._watched[0], None)
                 self._rows.append([first + float(sample["time"]), *sample["channels"].values()])
                 self._outputs = sample["commands"]
                 self._alarms = sample["alarms"]
+            if doing.unheard:
+                break
+        doing.process.stdout.close()
         doing.process.wait()
         errors.join(_PATIENCE)
-        for stream in (doing.process.stdout, doing.process.stderr):
-            stream.close()
+        doing.process.stderr.close()
         with self._lock:
             self._ended(doing)
 
@@ -334,9 +392,14 @@ class ByHand:
             self._say(str(why))
         if self._rows:  # no line across the time in which nothing is read
             self._rows.append([monotonic() - self._began, *[None] * (len(self._rows[-1]) - 1)])
-        if doing.moves:
-            self._unsafe = _unsafe(doing, answer)
-        if self._unsafe or (not doing.moves and not doing.asked_to_end):
+        unsafe = _unsafe(doing, answer) if doing.moves else ""
+        if unsafe:
+            self._unsafe[self._watched[0]] = unsafe
+        elif doing.samples and "unconfirmed" in answer:
+            self._unsafe.pop(self._watched[0], None)
+        if doing.moves and doing.samples:
+            self._moved[doing.words[-2]] = monotonic()
+        if unsafe or (not doing.moves and not doing.asked_to_end):
             self._opener = ""  # it has failed, and its messages say why
         elif following is not None and self._is_still_watched():
             self._start(following)
@@ -368,7 +431,7 @@ class ByHand:
 
 
 def _file(rig: Rig) -> tuple[Path | None, str]:
-    return rig.path, rig.sha256
+    return rig.path and rig.path.resolve(), rig.sha256
 
 
 def _is_real(rig: Rig) -> bool:

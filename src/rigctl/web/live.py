@@ -126,11 +126,16 @@ class Live:
         from rigctl.runner.bench_access import Access, bench_options
         from rigctl.runner.switch_off import switch_off
 
-        self.by_hand.leave()
+        try:
+            self.by_hand.leave()
+        except Exception:  # whatever it is, the outputs come first
+            logger.exception("leaving the bench")
         rig = self._bench(request)
         kind = rig.backend_named()
         access = Access(runs=self._site.project.runs, backend=kind, options=bench_options(kind, rig))
         done = switch_off(rig, access)
+        if done.confirmed:
+            self.by_hand.made_safe(rig)
         return {"rig": rig.name, "done": done.done, "confirmed": done.confirmed, "known_by": done.known_by}
 
     async def stream(self, socket: WebSocket) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -39,14 +38,14 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
 
     Returns
     -------
-    ``quantities`` with their units, ``y`` and ``x``, ``kind`` (curves, samples or records), ``left_out``, the
-    number of records that are not drawn, the ``command`` that lists the same, and ``series``: ``run``, ``x``,
-    ``y``.
+    ``quantities`` with their units, those of the first run that has each, ``y`` and ``x``, ``kind`` (curves,
+    samples or records), ``left_out``, the number of records that are not drawn, the ``command`` that lists
+    the same in each run's own units, and ``series``: ``run``, ``x``, ``y``.
 
     Raises
     ------
     RigctlError
-        too many runs, no such quantity, or nothing that can be drawn.
+        too many runs, no such quantity, one of another dimension in another run, or nothing to draw.
     """
     if not 0 < len(runs) <= _MOST_RUNS:
         raise RigctlError("runs over each other", value=str(len(runs)), expected=f"1 to {_MOST_RUNS}")
@@ -60,6 +59,8 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
     for name in (y, x):
         if name and name not in quantities:
             raise unknown_name("quantity", name, quantities)
+        if name:
+            _require_one_dimension(runs, name, quantities)
     of_samples = y in channels and (not x or x in channels)
     curves = of_samples and not x
     draw = _curves if curves else _samples if of_samples else _records
@@ -79,51 +80,75 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
     }
 
 
+def _require_one_dimension(runs: Sequence[Run], name: str, units: Mapping[str, str]) -> None:
+    common = parse_unit(units[name]).dimension
+    for run in runs:
+        own = _quantities([run]).get(name)
+        if own is not None and parse_unit(own).dimension != common:
+            raise RigctlError(
+                f"{name} is another quantity in {run.id}",
+                value=own,
+                expected=f"one that converts to {units[name]}, as in the other runs",
+            )
+
+
 def _query(runs: Sequence[Run], names: Sequence[str], channels: Mapping[str, str], *, curves: bool) -> str:
     """The SQL that lists what is drawn; a channel beside values of records by its mean."""
     of_samples = [name in channels for name in names]
-    listed, table, tail = [_column(name) for name in names], "records", []
-    where = ["run IN (" + ", ".join(f"'{run.id}'" for run in runs) + ")"]
+    columns = [_quoted(name) for name in names]
+    table, tail = "records", ""
     if all(of_samples):
-        listed, table = [*(["time"] if curves else []), *listed], "samples"
-        where = ["record >= 0 AND", *where]
+        columns, table = [f"samples.{one}" for one in columns], "samples JOIN records USING (run, record)"
+        columns = [*(["samples.time"] if curves else []), *columns]
     elif any(of_samples):
         means = ["avg(samples." if mean else "any_value(records." for mean in of_samples]
-        listed = [f"{mean}{name}) AS {name}" for mean, name in zip(means, listed, strict=True)]
-        table, tail = "records LEFT JOIN samples USING (run, record)", ["GROUP BY run, record"]
-    return " ".join(["SELECT", ", ".join(["run", "record", *listed]), "FROM", table, "WHERE", *where, *tail])
+        columns = [f"{mean}{name}) AS {name}" for mean, name in zip(means, columns, strict=True)]
+        table, tail = "records LEFT JOIN samples USING (run, record)", " GROUP BY run, record"
+    ids = ", ".join(_quoted(run.id, "'") for run in runs)
+    usable = "records.outcome = 'complete' AND records.excluded IS NULL"
+    listed = ", ".join(["run", "record", *columns])
+    return f"SELECT {listed} FROM {table} WHERE run IN ({ids}) AND {usable}{tail}"  # noqa: S608 - quoted
 
 
-def _column(name: str) -> str:
-    return name if re.fullmatch(r"[a-z_][a-z0-9_]*", name) else f'"{name}"'
+def _quoted(text: str, mark: str = '"') -> str:
+    return mark + text.replace(mark, 2 * mark) + mark
+
+
+def _quantities(runs: Sequence[Run]) -> dict[str, str]:
+    return {**_values(runs, "sweep"), **_values(runs, "measure"), **_channels(runs)}
 
 
 def _channels(runs: Sequence[Run]) -> dict[str, str]:
-    """The channels of the runs with samples, and their units."""
-    return {name: run.layout.unit(name) for run in runs if run.info["rows"] for name in run.layout.channels}
+    """The channels of the runs with samples, and their units in the first run that has them."""
+    found: dict[str, str] = {}
+    for run in runs:
+        for name in run.layout.channels if run.info["rows"] else ():
+            found.setdefault(name, run.layout.unit(name))
+    return found
 
 
 def _values(runs: Sequence[Run], kind: str) -> dict[str, str]:
-    """The numbers that each record has once, and their units: those of its ``sweep``, or each ``measure``."""
-    return {
-        column.name: run.record_units.get(column.name, "1")
-        for run in runs
-        for column in run.table("records").schema
-        if (column.metadata or {}).get(b"kind", b"").decode() == kind
-    }
+    """The numbers that each record has once, and their units in the first run that has them: those of its
+    ``sweep``, or each ``measure``."""
+    found: dict[str, str] = {}
+    for run in runs:
+        for column in run.table("records").schema:
+            if (column.metadata or {}).get(b"kind", b"").decode() == kind:
+                found.setdefault(column.name, run.record_units.get(column.name, "1"))
+    return found
 
 
 def _limit(runs: Sequence[Run], *, curves: bool) -> int:
     return max(_MOST_CURVES // len(runs), 1) if curves else _MOST_RECORDS
 
 
-def _shown(run: Run, record: Record, name: str) -> NDArray[np.float64]:
-    """A channel of a record in its unit; NaN where the run has no such channel."""
+def _shown(run: Run, record: Record, name: str, units: Mapping[str, str]) -> NDArray[np.float64]:
+    """A channel of a record in the unit common to all runs; NaN where the run has no such channel."""
     import numpy as np
 
     if name not in record.channels:
         return np.full(record.time.size, np.nan)
-    unit = parse_unit(run.layout.unit(name))
+    unit = parse_unit(units[name])
     offset = 0.0 if name in run.layout.differences else unit.offset
     return (record.channels[name] - offset) / unit.factor
 
@@ -139,7 +164,7 @@ def _curves(runs: Sequence[Run], y: str, x: str, units: Mapping[str, str]) -> li
     grid = np.linspace(0.0, longest, _POINTS)
     series = []
     for run, record in read:
-        values, time = _shown(run, record, y), record.time - record.time[0]
+        values, time = _shown(run, record, y, units), record.time - record.time[0]
         known = np.isfinite(values)
         if known.any():
             at = np.interp(grid, time[known], values[known], left=np.nan, right=np.nan)
@@ -152,9 +177,9 @@ def _samples(runs: Sequence[Run], y: str, x: str, units: Mapping[str, str]) -> l
     import numpy as np
 
     series = []
-    for run in runs:
+    for run in [run for run in runs if run.info["rows"]]:
         read = list(run.each(run.usable[:_MOST_RECORDS]))
-        pairs = [np.column_stack([_shown(run, record, x), _shown(run, record, y)]) for record in read]
+        pairs = [np.column_stack([_shown(run, record, name, units) for name in (x, y)]) for record in read]
         points = np.concatenate(pairs) if pairs else np.empty((0, 2))
         points = points[:: max(-(-len(points) // _MOST_POINTS), 1)]
         series.append({"run": run.id, "x": _plain(points[:, 0]), "y": _plain(points[:, 1])})
@@ -182,7 +207,7 @@ def _once(run: Run, name: str, units: Mapping[str, str]) -> NDArray[np.float64]:
         return (values * own.factor + own.offset - common.offset) / common.factor
     if not run.info["rows"]:
         return np.full(len(usable), np.nan)
-    shown = [_shown(run, record, name) for record in run.each(usable)]
+    shown = [_shown(run, record, name, units) for record in run.each(usable)]
     return np.array(
         [values[np.isfinite(values)].mean() if np.isfinite(values).any() else np.nan for values in shown]
     )

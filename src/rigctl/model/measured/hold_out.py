@@ -38,10 +38,10 @@ def chosen(measurements: Measurements, text: str | None, units: Mapping[str, str
 
 
 def require_names(text: str, model: Model, runs: Sequence[Run]) -> None:
-    """Refuse a condition with a name that no run can have, by the names of columns alone: nothing is read.
+    """Refuse a condition with a name that no run can have, by the names of columns alone: no sample is read.
 
     A name that passes may still be none of a record's condition, which `check_condition` knows. The names of
-    a model without a rig are those of the runs' rigs, and pass.
+    a model without a rig are those of the runs' rigs, and pass, as do all where a damaged run may have them.
 
     Raises
     ------
@@ -56,8 +56,12 @@ def require_names(text: str, model: Model, runs: Sequence[Run]) -> None:
     for run in runs:
         if not missing:
             return
-        channels = run.layout.channels
-        known.update(run.records.columns, run.layout.commands, channels, (START + name for name in channels))
+        try:
+            layout, columns = run.layout, run.records.columns
+        except RigctlError:
+            return
+        starts = (START + name for name in layout.channels)
+        known.update(columns, layout.commands, layout.channels, starts)
         missing -= known
     if missing:
         raise unknown_name("name", min(missing), known)

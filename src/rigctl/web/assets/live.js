@@ -510,8 +510,20 @@ export const show = async (container) => {
     } else if (message.kind === "refused") settle("refused", message.refused);
   };
 
-  const hand = byHand(hear, () => !run);
-  container.replaceChildren(head, idle, hand.element, body);
+  const fromBench = (message) => {
+    if (message.kind === "bench" && run) {
+      why.hidden = !state?.unconfirmed; // the readings may be those of another bench
+      question.hidden = true;
+      alarms.replaceChildren();
+      watch(null);
+      showRuns(running);
+      return true;
+    }
+    if (!run) hear(message);
+    return false;
+  };
+  const hand = byHand(fromBench, () => !run || Boolean(state?.ended));
+  container.replaceChildren(head, hand.alert, idle, hand.element, body);
   const width = () => Math.round(panels[0]?.plot.element.clientWidth || container.clientWidth / 2 || 600);
   const line = new Line(hear, () => ({ run, window: window_, width: width() }));
   let resized = null;

@@ -14,6 +14,7 @@ export const byHand = (hear, idle) => {
   const showCommand = (text) => shownCommand.replaceChildren(command(text));
   const watch = button("Watch the bench", async () => {
     showCommand((await ask("watch")).command);
+    wanted = true;
     await look();
   }, { class: "primary", title: "rigctl monitor" });
   const leave = button("Leave it", () => ask("close").then(look));
@@ -32,9 +33,11 @@ export const byHand = (hear, idle) => {
     h("span", { class: "labelled" }, h("label", { for: "bench-seconds" }, "For, s"), seconds, stop), knobs,
     h("p", { class: "note" }, "One press moves one output for that time, from its arrival where it has a max_rate, at most 10 s in all, within its range and under the interlocks; then every output is safe again."));
   const element = h("section", { class: "panel by-hand", "aria-label": "The bench by hand" },
-    h("div", { class: "toolbar" }, h("h2", {}, "By hand"), watch, leave, opening), stand, unsafe, alarms, controls, shownCommand, messages);
+    h("div", { class: "toolbar" }, h("h2", {}, "By hand"), watch, leave, opening), stand, alarms, controls, shownCommand, messages);
 
   let drawn = ""; // the bench that is drawn
+  let anew = false; // it is drawn from the beginning: nobody has looked for a while
+  let wanted = false; // this window has begun to watch; a run that is over gives way to the first readings
   let built = "";
   let after = "";
   let outputs = {};
@@ -60,9 +63,7 @@ export const byHand = (hear, idle) => {
     stop.disabled = !moving;
     for (const one of knobs.querySelectorAll("button")) one.disabled = moving;
     stand.replaceChildren(tag(moving ? "moving" : watched ? "watched" : "idle"), ` ${state.rig}, ${real ? "the real bench" : `a ${state.about.backend.kind} bench, which begins anew each time`}. `,
-      moving ? "An output moves; then all are safe again." : watched ? "Its outputs are in their safe state." : "Reading it brings its outputs to their safe state; nothing moves.");
-    unsafe.hidden = !state.unsafe;
-    unsafe.textContent = state.unsafe ? `OUTPUTS NOT CONFIRMED SAFE: ${state.unsafe} may still be on. Press 'Everything off', or switch it off by hand, at its supply.` : "";
+      moving ? "An output moves; then all are safe again." : watched ? "Its outputs are in their safe state." : "Reading it brings its outputs to their safe state: this may move what is on now.");
     alarms.replaceChildren(...state.alarms.map((text) => h("li", {}, text)));
     messages.hidden = !state.messages.length;
     messages.replaceChildren(...state.messages.slice(-20).reverse().map((one) => h("li", { class: "event" }, h("span", { class: "when" }, `${one.time.toFixed(1)} s`), h("span", {}, one.text))));
@@ -74,18 +75,31 @@ export const byHand = (hear, idle) => {
   };
 
   const lookOnce = async () => {
-    state = await api("/api/live/bench", { query: { after } });
+    const seen = idle();
+    if (anew) after = "";
+    state = await api("/api/live/bench", { query: { after, glance: seen ? "" : "1" } });
+    unsafe.hidden = !state.unsafe;
+    unsafe.textContent = state.unsafe ? `OUTPUTS NOT CONFIRMED SAFE: ${state.unsafe} may still be on. Press 'Everything off', or switch it off by hand, at its supply.` : "";
+    if (!seen || !idle()) { // a run is shown, or has begun meanwhile
+      anew = true;
+      return;
+    }
     element.hidden = !state.rig;
-    if (!state.rig) return;
-    show();
-    outputs = state.outputs;
+    if (state.rig) show();
+    outputs = state.outputs ?? {};
     if (!state.watched) {
       if (drawn) hear({ kind: "left" });
       drawn = after = "";
+      anew = false;
       return;
     }
-    if (!drawn) {
+    if (wanted && state.rows.length) {
+      wanted = false;
+      if (hear({ kind: "bench" })) anew = true;
+    }
+    if (!drawn || anew) {
       drawn = state.rig;
+      anew = false;
       hear({ kind: "run", run: state.about });
     }
     if (state.rows.length) after = String(state.rows[state.rows.length - 1][0]);
@@ -99,8 +113,8 @@ export const byHand = (hear, idle) => {
     for (;;) {
       element.hidden = !idle();
       try {
-        if (idle() && !document.hidden) await look();
-        else drawn = after = "";
+        if (document.hidden) anew = true;
+        else await look();
         settle("bench", null);
       } catch (problem) {
         if (problem.status === 401) return complain(problem);
@@ -111,10 +125,11 @@ export const byHand = (hear, idle) => {
   })();
   // the server would leave the bench by itself some seconds later
   addEventListener("pagehide", () => {
-    if (state?.watched) fetch("/api/live/bench/close", { method: "POST", keepalive: true, headers: { "Content-Type": "application/json", "X-Rigctl-Viewer": viewer }, body: "{}", credentials: "same-origin" }).catch(() => {});
+    if (idle() && state?.watched) fetch("/api/live/bench/close", { method: "POST", keepalive: true, headers: { "Content-Type": "application/json", "X-Rigctl-Viewer": viewer }, body: "{}", credentials: "same-origin" }).catch(() => {});
   });
   return {
     element,
+    alert: unsafe, // shown also beside a run
     get watched() {
       return Boolean(idle() && state?.watched);
     },
