@@ -50,7 +50,8 @@ def unseen(
         measurements, noise = choice.rest
         # one calibration, or clock, is off by the same in all records made under it
         measurements = replace(measurements, reading_errors=problem.measurements.reading_errors)
-        known = {one.name for one in measurements.reading_errors}
+        fitted = {record.run for record in inside}  # of a later calibration, these records tell nothing
+        known = {one.name for one in measurements.reading_errors if any(map(one.acts_in, fitted))}
         values = {
             u.name: float(value)
             for u, value in zip(problem.shared, model.fit.values, strict=True)

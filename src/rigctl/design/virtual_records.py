@@ -55,6 +55,7 @@ class PlannedRecord:
         values = np.full((times.size, len(measurements.outputs)), np.nan)
         for k, name in enumerate(measurements.outputs):
             values[0, k] = self.readings.get(name, np.nan)
+        jitter = measurements.jitter_of(self.inputs)
         return MeasuredRecord(
             run="",
             index=0,
@@ -62,7 +63,8 @@ class PlannedRecord:
             times=times,
             switch_times=self.switch_times,
             switch_half=np.zeros(self.switch_times.size),
-            switch_jitter=measurements.jitter_of(self.inputs),
+            switch_jitter=jitter,
+            separate_switches=bool(jitter.any()),  # without readings, there is no noise to hold their scatter
             inputs=self.inputs,
             values=values,
             condition={},

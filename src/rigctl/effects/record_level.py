@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import Literal
 
 import numpy as np
 
-from rigctl.effects.declaration import Effect, EffectParameter, Own, qualified
+from rigctl.effects.declaration import Effect, EffectParameter, Own, Term, qualified
 from rigctl.engine.symbols import Scalar, constant_like, exp
 from rigctl.physics.derived_slots import input_slot
 from rigctl.physics.families import of_shipped
@@ -130,7 +130,7 @@ class RecordLevel:
             return self
         apart = np.diff(np.sort(np.array(points, dtype=float)))
         width = 0.25 * float(apart.min()) if apart.size else abs(points[0]) or 1.0
-        term = (self.setting.slot, partial(_set, self.setting.input, tuple(points), width))
+        term = (self.setting.slot, _set_to(self.setting.input, tuple(points), width))
         parameters = tuple(
             EffectParameter(_setting_name(k), "%", 0.0, 1e-3, -0.9, 0.9, f"error of setting {k + 1}")
             for k in range(len(points))
@@ -163,20 +163,25 @@ class RecordLevel:
         effect = replace(self.effect, parameters=(*self.effect.parameters, *parameters))
         return replace(self, effect=effect, inputs=tuple(one.name for one in parameters))
 
-    def with_repeatability(self, inputs: Mapping[str, float], family: ModelFamily) -> RecordLevel:
-        """With a relative error e of each of these inputs of a user's family, ``u·(1 + e)``, in each record.
+    def with_repeatability(
+        self, inputs: Mapping[str, tuple[float, float]], family: ModelFamily
+    ) -> RecordLevel:
+        """With a relative error e of each of these inputs of a user's family, ``u + (u − u_0)·e``.
 
         Parameters
         ----------
-        inputs: the standard deviation of each.
+        inputs: the standard deviation of each from record to record, and u_0, the zero of its scale, SI.
         """
         slots = {slot.name for slot in family.slots}
-        acting = {name: std for name, std in inputs.items() if std > 0.0 and input_slot(name) in slots}
+        acting = {name: one for name, one in inputs.items() if one[0] > 0.0 and input_slot(name) in slots}
         if self.effect is None or not acting:
             return self
         effect = replace(
             self.effect,
-            terms=(*self.effect.terms, *((input_slot(name), partial(_off, name)) for name in acting)),
+            terms=(
+                *self.effect.terms,
+                *((input_slot(name), _off_by(name, zero)) for name, (_, zero) in acting.items()),
+            ),
             parameters=(
                 *self.effect.parameters,
                 *(
@@ -189,7 +194,7 @@ class RecordLevel:
         )
         quantities = (
             Quantity(_error_of(name), f"error of the setting of {name}", partial(_stated, std))
-            for name, std in acting.items()
+            for name, (std, _) in acting.items()
         )
         return replace(self, effect=effect, quantities=(*self.quantities, *quantities))
 
@@ -207,12 +212,23 @@ def _error_of(name: str) -> str:
     return f"setting_of_{name}"
 
 
-def _off(name: str, m: Scope, p: Own) -> Scalar:
-    return m[name] * p[_error_of(name)]
+@cache  # equal terms are one object, by which a compiled system is known again
+def _off_by(name: str, zero: float) -> Term:
+    return partial(_off, name, zero)
+
+
+def _off(name: str, zero: float, m: Scope, p: Own) -> Scalar:
+    value = m[name] if zero == 0.0 else m[name] - constant_like(zero, m[name])
+    return value * p[_error_of(name)]
 
 
 def _stated(std: float, _: Rig | None) -> float:
     return std
+
+
+@cache
+def _set_to(name: str, points: tuple[float, ...], width: float) -> Term:
+    return partial(_set, name, points, width)
 
 
 def _set(name: str, points: Sequence[float], width: float, m: Scope, p: Own) -> Scalar:

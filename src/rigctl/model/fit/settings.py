@@ -19,6 +19,7 @@ from rigctl.model.inputs import input_sources
 from rigctl.model.measured.record import Measurements
 from rigctl.model.measured.table import column, set_variable
 from rigctl.physics.family import ModelFamily
+from rigctl.units import parse_unit
 
 #: set values that differ by less than this share of the largest are one setting
 _SAME = 0.01
@@ -38,16 +39,20 @@ def level_of_rows(level: RecordLevel, measurements: Measurements) -> tuple[Recor
     return extended, setting_unknowns(extended, setting_std(measurements, level.setting))
 
 
-def repeatability(measurements: Measurements, family: ModelFamily) -> dict[str, float]:
+def repeatability(measurements: Measurements, family: ModelFamily) -> dict[str, tuple[float, float]]:
     """The relative standard deviations of inputs that are set anew for each record, where the rig file states
-    one of the single level that sets an input."""
+    one of the single level that sets an input, each with the zero of that level's scale, SI."""
     rig = measurements.rig
     if rig is None or not family.generic:
         return {}
-    return {
-        source.input: rig.actuators[source.actuators[0][0]].repeatability or 0.0
+    levels = {
+        source.input: rig.actuators[source.actuators[0][0]]
         for source in input_sources(family, rig)
         if len(source.actuators) == 1 and source.input not in measurements.unrecorded
+    }
+    return {
+        name: (level.repeatability or 0.0, parse_unit(level.display_unit).to_si(0.0))
+        for name, level in levels.items()
     }
 
 

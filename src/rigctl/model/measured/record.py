@@ -125,7 +125,7 @@ class MeasuredRecord:
         difference times the sum of all rises to its integral, as an offset does, and the scatter of each time
         would add a random walk: a drift of the output would count as either.
         """
-        return bool(self.logged_switches.size > _OF_SAMPLES * self.times.size)
+        return bool(self._inexact(self.switch_std / UNIFORM).size > _OF_SAMPLES * self.times.size)
 
     @cached_property
     def switch_kinds(self) -> Integers:
