@@ -18,7 +18,7 @@ from commands import answer, refusal, told
 from rigctl.analysis.fitting import fit_to_data, read_runs
 from rigctl.analysis.fmu_rival import judge_fmu
 from rigctl.analysis.fmu_rival.judge import sign_test
-from rigctl.answers.comparison import rival_blocks
+from rigctl.answers.fmu_rival import rival_blocks
 from rigctl.cli.blocks import show
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +19,11 @@ from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.search.judgement import Judgement
 from rigctl.answers.blocks import Answer
-from rigctl.answers.comparison import comparison_answer
+from rigctl.answers.comparison import comparison_answer, numbers
 from rigctl.answers.design import rival_tables
 from rigctl.answers.diagnosis import diagnosis_answer, whole_diagnosis
 from rigctl.cli.blocks import show, show_answer
+from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.page_top import answer_section
 
 
@@ -130,3 +132,34 @@ def test_a_design_says_what_its_uncertainties_are(capsys: pytest.CaptureFixture[
     told = capsys.readouterr().out
     assert "± now (95 %)" in told
     assert "± after (95 %)" in told
+
+
+def test_a_page_has_the_figures_of_every_model(model: ModelComparison) -> None:
+    old, new = replace(model, name="old"), replace(model, name="new")
+    labels = [f"r/{number}" for number in range(1, 9)]
+    (*_, statistics) = comparison_sections(comparison(old, new, held_out=labels), answered=True)
+    captions = re.findall(r"<caption>(.*?)</caption>", statistics.body)
+    assert captions.count("Old") == captions.count("New") == 3  # channels, tests, record-level parameters
+    assert str(statistics.body).count('<th scope="col">R²</th>') == 2
+    assert "Held out: 8 records (r/1" in statistics.body
+    assert "<summary>All records held out</summary>" in statistics.body
+    assert "<li>r/8.</li>" in statistics.body
+
+
+def test_a_page_with_another_answer_states_what_each_model_and_its_curves_leave(
+    model: ModelComparison,
+) -> None:
+    located = replace(model.located)
+    vars(located)["curve_bands"] = (
+        SimpleNamespace(statement="the band of the curve fan is wide", channel="fan"),
+    )
+    one = comparison(replace(model, located=located))
+    for answered in (True, False):
+        (*_, statistics) = comparison_sections(one, answered=answered)
+        assert ("The band of the curve fan is wide." in statistics.body) is answered
+        assert ("does not agree with the measurements" in statistics.body) is answered
+
+
+def test_one_record_is_counted_as_one(model: ModelComparison, capsys: pytest.CaptureFixture[str]) -> None:
+    show(numbers(comparison(model, held_out=["r/1"])))
+    assert "held out: 1 record (r/1)" in capsys.readouterr().out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import get_args
 
 import pytest
@@ -106,3 +107,27 @@ def test_what_has_nothing_below_its_title_is_left_out(capsys: pytest.CaptureFixt
     show(empty)
     assert capsys.readouterr().out == ""
     assert page_blocks(empty) == ""
+
+
+def test_a_page_prints_units_as_symbols_and_a_terminal_as_in_files(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    columns = (
+        Column("name", "bore_width [um]"),
+        Column("share", "share [1]"),
+        Column("level", "level [percent]"),
+        Column("area", "area [um^2]"),
+        Column("unit", "unit", words=True, unit=True),
+    )
+    rows = tuple({"name": unit, "unit": unit} for unit in ("um", "percent", "1", "N*s/m"))
+    blocks: list[Block] = [Table(columns, rows), Bars("gap, error [um]; bars without", (Bar("a", 1.0, ""),))]
+    drawn = str(page_blocks(blocks))
+    headings = re.findall(r'<th scope="col"[^>]*>(.*?)</th>', drawn)
+    assert headings == ["bore width [µm]", "share", "level [%]", "area [µm²]", "unit"]
+    assert re.findall(r'<td class="words">(.*?)</td>', drawn) == ["µm", "%", "", "N·s/m"]
+    assert "Gap, error [µm]; bars without</caption>" in drawn
+    show(blocks)
+    told = capsys.readouterr().out
+    assert all(f"[{unit}]" in told for unit in ("um", "1", "percent", "um^2"))
+    ends = {line.split()[-1] for line in told.splitlines() if line.split()}
+    assert ends >= {"um", "percent", "1", "N*s/m"}

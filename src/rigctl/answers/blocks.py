@@ -84,6 +84,7 @@ class Column:
     full: the value of a full bar, which is then drawn beside the text; 0.0 for none.
     words: whether it holds words, which are aligned left and may wrap; numbers are aligned right.
     beyond: the size from which a number is marked; None for never.
+    unit: whether it holds units as they are in files.
     """
 
     key: str
@@ -92,6 +93,7 @@ class Column:
     full: float = 0.0
     words: bool = False
     beyond: float | None = None
+    unit: bool = False
 
     def text(self, row: Mapping[str, Any]) -> str:
         """The cell of a row."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,7 +11,6 @@ from rigctl.analysis.agreement.adequacy import chance
 from rigctl.analysis.agreement.localisation import Place
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, SLOT_SEPARABLE
-from rigctl.analysis.fmu_rival import FmuRival
 from rigctl.answers.blocks import (
     Answer,
     Bar,
@@ -18,6 +18,7 @@ from rigctl.answers.blocks import (
     Block,
     Column,
     Details,
+    Note,
     Points,
     Sentence,
     Table,
@@ -142,16 +143,37 @@ def further_findings(model: ModelComparison) -> tuple[Block, ...]:
 
 def numbers(comparison: Comparison) -> list[Block]:
     """The data, the errors, the tests and the record-level parameters, in technical terms."""
-    models, last = comparison.models, comparison.models[-1]
+    models = comparison.models
+    several = len(models) > 1
     return [
         *_data(comparison),
-        *([_side_by_side(models)] if len(models) > 1 else []),
+        *([_side_by_side(models)] if several else []),
         *value_tables(models),
-        _channels(last),
-        _tests(last),
-        *_record_level(last),
-        *([] if last.rows else [Points.of("", last.in_brief)]),
+        *(block for model in models for block in _numbers_of(model, model.name if several else "")),
     ]
+
+
+def _numbers_of(model: ModelComparison, caption: str) -> list[Block]:
+    tables: list[Block] = [_channels(model), _tests(model), *_record_level(model)]
+    return [
+        *(replace(one, caption=caption) if isinstance(one, Table) else one for one in tables),
+        *([] if model.rows else [Points.of(caption, model.in_brief)]),
+    ]
+
+
+def statements(comparison: Comparison) -> list[Block]:
+    """The statement on each model, with the bands of its measured curves, where the answer is another."""
+    return [
+        Note(text)
+        for model in comparison.models
+        for text in (model.statement, *(band.statement for band in model.curve_bands))
+    ]
+
+
+def all_held_out(comparison: Comparison) -> list[Block]:
+    """The labels of the records held out, if `numbers` does not list them all."""
+    labels = comparison.held_out
+    return [Details("all records held out", (Points.of("", labels),))] if labels[_FEW:] else []
 
 
 def where(model: ModelComparison) -> list[Block]:
@@ -169,25 +191,6 @@ def where(model: ModelComparison) -> list[Block]:
         *([Points.of("trends over the operating variables", trends)] if trends else []),
         *_slots(model),
     ]
-
-
-def rival_blocks(rival: FmuRival) -> list[Block]:
-    """The errors of an FMU and of the model, channel by channel, and which is smaller."""
-    rows = tuple(
-        {"channel": name, "fmu": error.nrmse, "model": rival.beside[name].nrmse}
-        for name, error in rival.channels.items()
-    )
-    columns = (
-        Column("channel", "channel"),
-        Column("fmu", "RMSE/noise of the FMU", _three),
-        Column("model", "of the model", _three),
-    )
-    missing = [f"{name} is not an output of {rival.name}: it is not compared" for name in rival.missing]
-    own = [
-        f"the initial value of {name} cannot be set in {rival.name}: its own is used"
-        for name in rival.own_initial_values
-    ]
-    return [Sentence(rival.statement, main=True), Points.of("", [*missing, *own]), Table(columns, rows)]
 
 
 def _error(models: Sequence[ModelComparison]) -> str:
@@ -220,7 +223,7 @@ def _channels(model: ModelComparison) -> Table:
         Column("bias", "bias", _signed_two),
         Column("max", "largest", _signed_three),
         Column("noise", "noise"),
-        Column("unit", "unit", words=True),
+        Column("unit", "unit", words=True, unit=True),
         Column("nrmse", "RMSE/noise", _fixed_three),
         Column("chi2_reduced", "χ²", _fixed_three),
         Column("r2", "R²", _five_decimals),

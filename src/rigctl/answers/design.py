@@ -133,7 +133,7 @@ def _sharpened(result: DesignResult) -> Table:
         Column("name", "parameter"),
         Column("before", "± now (95 %)", _three),
         Column("after", "± after (95 %)", _three),
-        Column("unit", "unit", words=True),
+        Column("unit", "unit", words=True, unit=True),
     )
     return Table(columns, tuple(map(vars, result.sharpened)))
 

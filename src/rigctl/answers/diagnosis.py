@@ -226,7 +226,7 @@ def _drift(drift: Sequence[Drift]) -> Table:
         Column("parameter", "fitted parameter"),
         Column("before", "without", words=True),
         Column("after", "with it", words=True),
-        Column("unit", "unit", words=True),
+        Column("unit", "unit", words=True, unit=True),
         Column("change", "change", words=True),
     )
     rows = tuple(
@@ -292,7 +292,7 @@ def _intervals(bootstrap: Bootstrap | None) -> list[Block]:
         fit = known_digits(one.value, one.fit_std)[1] if math.isfinite(one.fit_std) else ""
         cells = (one.name, one.unit, value, f"{low} … {high}", spread, fit)
         rows.append(dict(zip(heads, cells, strict=True)))
-    columns = tuple(Column(head, head, words=True) for head in heads)
+    columns = tuple(Column(head, head, words=True, unit=head == "unit") for head in heads)
     return [Table(columns, tuple(rows)), Points.of("", [bootstrap.statement])]
 
 

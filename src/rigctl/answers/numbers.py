@@ -17,6 +17,8 @@ _POWER = re.compile(r"\s*(?:\^|\*\*)\s*(-?\d+)")
 _EXPONENT = re.compile(r"((?<![\w.])\d(?:\.\d+)?|(?<=\d)\))e([+-]?\d+)\b")
 #: a name in snake case that is not part of a file's name
 _UNDERSCORE = re.compile(r"(?<![\w./@-])[a-z][a-z0-9]*(?:_[a-z0-9]+)+(?![\w/@-]|\.\w)")
+#: a title, the unit at its end, and a remark
+_WITH_UNIT = re.compile(r"(.*?)\s*\[([^\[\]]*)\](;.*)?")
 _NAME = re.compile(r"[^\W\d]\w*|(?<!\d)1(?!\d)")
 
 
@@ -24,8 +26,8 @@ def symbol(unit: str) -> str:
     """A unit as printed: ``degC`` is °C, ``mm^2`` is mm², ``N*s/m`` is N·s/m, ``1`` is empty."""
     if unit == "1":
         return ""
-    text = _POWER.sub(lambda match: match.group(1).translate(_SUPERSCRIPT), unit)
-    text = _NAME.sub(lambda match: _WORDS.get(match.group(), match.group()) or "1", text)
+    text = _NAME.sub(lambda match: _WORDS.get(match.group(), match.group()) or "1", unit)
+    text = _POWER.sub(lambda match: match.group(1).translate(_SUPERSCRIPT), text)
     return text.replace("*", "·")
 
 
@@ -41,6 +43,16 @@ def prose(text: str) -> str:
 def words(text: str) -> str:
     """A sentence as by `prose`, with names as words: valve leakage for valve_leakage, but not file names."""
     return prose(_UNDERSCORE.sub(lambda match: match.group().replace("_", " "), text))
+
+
+def heading(text: str) -> str:
+    """A title as by `words`, with its unit as printed: gap [µm] for ``gap [um]``, share for ``share [1]``."""
+    match = _WITH_UNIT.fullmatch(text)
+    if match is None:
+        return words(text)
+    title, unit, remark = match.groups(default="")
+    sign = symbol(unit)
+    return words(title) + (f" [{sign}]" if sign else "") + words(remark)
 
 
 def begun(text: str) -> str:

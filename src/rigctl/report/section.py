@@ -82,6 +82,7 @@ def environment() -> Environment:
         begun=numbers.begun,
         chance=lambda p_value: numbers.prose(chance(p_value)),
         duration=numbers.duration,
+        heading=numbers.heading,
         moment=numbers.moment,
         number=numbers.number,
         prose=numbers.prose,

@@ -153,7 +153,8 @@ def compare(
     from rigctl.cli.progress import progress_display
 
     with progress_display("Reading the records", "nothing was saved") as on_progress:
-        from rigctl.answers.comparison import comparison_answer, comparison_evidence, rival_blocks
+        from rigctl.answers.comparison import comparison_answer, comparison_evidence
+        from rigctl.answers.fmu_rival import rival_blocks
         from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
         from rigctl.cli.blocks import show, show_answer
         from rigctl.command_line import DataOptions

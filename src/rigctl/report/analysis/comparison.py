@@ -9,7 +9,7 @@ from rigctl.analysis.agreement.uncertainty_budget import uncertainty_budgets
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.answers.blocks import Block, Figure
 from rigctl.answers.budgets import budget_bars
-from rigctl.answers.comparison import comparison_answer, numbers, where
+from rigctl.answers.comparison import all_held_out, comparison_answer, numbers, statements, where
 from rigctl.answers.model_title import model_title
 from rigctl.answers.systematic import left_of
 from rigctl.report.analysis.maps import channel_maps
@@ -41,7 +41,12 @@ def comparison_sections(comparison: Comparison, *, answered: bool = False) -> li
     top = [] if answered else [answer_section(comparison_answer(comparison), named, about=about)]
     drawn_record = named.record if top and top[0].plots else None
     measured = _table(comparison) if first.rows else _measured(comparison, drawn_record)
-    return [*top, *_where(first, several=len(comparison.models) > 1), measured, _numbers(comparison)]
+    return [
+        *top,
+        *_where(first, several=len(comparison.models) > 1),
+        measured,
+        _numbers(comparison, answered=answered),
+    ]
 
 
 def named_models(models: Sequence[ModelComparison]) -> NamedModels:
@@ -99,12 +104,22 @@ def _table(comparison: Comparison) -> Section:
     return Section("comparison", "Model against measurement", body, tuple(plots))
 
 
-def _numbers(comparison: Comparison) -> Section:
+def _numbers(comparison: Comparison, *, answered: bool) -> Section:
     """Errors, tests, record-level parameters and notes on the data, in technical terms."""
-    last = comparison.models[-1]
+    named = replace(
+        comparison, models=tuple(replace(model, name=page_name(model)) for model in comparison.models)
+    )
+    last = named.models[-1]
     plots = residual_plots(last.fit)
-    figures = [Figure(plot.id, plot.caption, "" if k else _CORRELATED) for k, plot in enumerate(plots)]
-    blocks: list[Block] = [*numbers(comparison), *figures, *budget_bars(uncertainty_budgets(last.fit))]
+    of = f", {last.name}" if len(named.models) > 1 else ""
+    figures = [Figure(plot.id, plot.caption + of, "" if k else _CORRELATED) for k, plot in enumerate(plots)]
+    blocks: list[Block] = [
+        *(statements(named) if answered else []),
+        *numbers(named),
+        *all_held_out(named),
+        *figures,
+        *budget_bars(uncertainty_budgets(last.fit)),
+    ]
     body = page_blocks(blocks, {plot.id: plot_slot(plot) for plot in plots})
     hint = "errors by channel, the tests, whether the errors are correlated, how the data were taken"
     return Section("numbers", "The statistics", body, tuple(plots), folded=True, hint=hint)
