@@ -311,8 +311,11 @@ export const show = async (container) => {
       if (series.length) drawn.set(kind === "curves" ? [series[0].x, ...series.map((one) => one.y)] : asPoints(series));
       same.replaceChildren(command(data.command));
     };
+    let asked = 0;
     const fetchData = async (y, x) => {
-      data = await api("/api/runs/overlay", { query: { runs: runs.join(","), y, x } });
+      const own = ++asked;
+      const answer = await api("/api/runs/overlay", { query: { runs: runs.join(","), y, x } });
+      if (own === asked) data = answer; // one that took longer does not replace a later choice
     };
     const change = (y, x) => fetchData(y, x).then(draw).catch((problem) => say(problem.message, "bad"));
     await fetchData("", "");
