@@ -66,7 +66,7 @@ def test_an_mdf_file_has_the_start_time_of_the_measurement(
 @pytest.mark.parametrize("ending", ["tdms", "mf4"])
 def test_a_large_file_is_read_in_pieces(strokes: Run, ending: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(formats, "isolated", False)
-    module = import_module(f"rigctl.dataset.importing.{'mdf' if ending == 'mf4' else ending}_file")
+    module = import_module(f"rigctl.dataset.importing.formats.{'mdf' if ending == 'mf4' else ending}_file")
     monkeypatch.setattr(module, "LARGE", 0)
     monkeypatch.setattr(groups, "PART_ROWS", 7)
     answer("export", strokes.id, "-o", f"out.{ending}")

@@ -161,4 +161,4 @@ def test_a_report_compares_a_model_of_a_given_family(here: Path) -> None:
     page = Path("leaky.html").read_text(encoding="utf-8")
     assert "Model against measurement" in page
     assert "Measured and model: the worst record" in page
-    assert "leaky agrees with the measurements" in page  # each record begins with a command
+    assert "Leaky agrees with the measurements" in page  # each record begins with a command

@@ -84,6 +84,13 @@ def test_a_page_shows_every_block_escaped_with_names_as_words() -> None:
     assert "<leaks>" not in drawn
 
 
+def test_code_is_shown_as_it_is_written_in_files(capsys: pytest.CaptureFixture[str]) -> None:
+    block = Points("formula 1", (Point("fits"),), code="size*exp(-x^2)*v/(1 m/s) < 2")
+    assert "<h3>Formula 1: <code>size*exp(-x^2)*v/(1 m/s) &lt; 2</code></h3>" in page_blocks((block,), {})
+    show((block,))
+    assert "formula 1: size*exp(-x^2)*v/(1 m/s) < 2" in capsys.readouterr().out
+
+
 def test_a_figure_that_was_not_drawn_is_left_out_of_a_page() -> None:
     assert page_blocks([Figure("plot", "the worst record")]) == ""
 

@@ -55,11 +55,13 @@ class Points:
     """A list with a title, which may be empty.
 
     `titled` is False if its entries say by themselves what they are: only a page has room for the title.
+    `code` stands after the title as it is written in files, to be copied.
     """
 
     title: str
     points: tuple[Point, ...]
     titled: bool = True
+    code: str = ""
 
     @classmethod
     def of(cls, title: str, texts: Sequence[str], *, titled: bool = True) -> Points:

@@ -64,7 +64,7 @@ def discovery_evidence(discovery: Discovery) -> list[Block]:
         Sentence(tested),
         *(block for number, one in enumerate(discovery.curves) for block in _curve(one, number)),
         *([_formulas(discovery)] if discovery.formulas else []),
-        *(Points(f"{one.name}: {written(one)}", tuple(_formula(one))) for one in discovery.formulas),
+        *(Points(one.name, tuple(_formula(one)), code=written(one)) for one in discovery.formulas),
     ]
 
 

@@ -92,7 +92,8 @@ def _styled(text: str, style: str) -> str:
 
 def _show_points(block: Points) -> None:
     if block.title and block.titled:
-        _print(f"  [bold]{escape(block.title)}[/]")
+        title = f"{block.title}: {block.code}" if block.code else block.title
+        _print(f"  [bold]{escape(title)}[/]")
     for point in block.points:
         _print(f"  {_MARKS[point.mark]}{escape(point.text)}")
 
