@@ -75,8 +75,8 @@ def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
     if indices.size > _most(record):
         logged = record.switch_half[record.logged_switches]  # what jitters is zero on average
         return [_moved_by(ALL, float(np.median(logged)))] if logged.size else []
-    jitter = record.switch_jitter if record.switch_jitter.size else np.zeros(record.switch_half.size)
-    return [_moved_by(switch_name(int(k)), float(record.switch_half[k]), float(jitter[k])) for k in indices]
+    half, jitter = record.switch_half, record.jitter
+    return [_moved_by(switch_name(int(k)), float(half[k]), float(jitter[k])) for k in indices]
 
 
 def _most(record: MeasuredRecord) -> int:

@@ -128,9 +128,7 @@ def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
         jumps = 1 + np.flatnonzero((np.abs(np.diff(record.inputs, axis=0)) > least).any(axis=1))
         values = np.where(good, record.values, np.nan)
         sigma = noise.model.sigma_at(values, record.times)
-        half = record.switch_half[jumps] + clock_reach(measurements, record)
-        if record.switch_jitter.size:
-            half = half + 2.0 * record.switch_jitter[jumps]
+        half = record.switch_half[jumps] + 2.0 * record.jitter[jumps] + clock_reach(measurements, record)
         edges = find_edges(record.times, values, sigma, record.switch_times[jumps], half)
         masks.append(good & edges)
     counts = np.array([mask.sum(axis=0) for mask in masks], dtype=np.intp)

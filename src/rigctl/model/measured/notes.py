@@ -22,7 +22,7 @@ def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator
     if half > 0.0:
         text = f"Commands were written down with the samples: their times are known to ±{_seconds(half)}"
         yield Note(text, "taken")
-    jitter = max((float(record.switch_jitter.max(initial=0.0)) for record in records), default=0.0)
+    jitter = max((float(record.jitter.max(initial=0.0)) for record in records), default=0.0)
     if jitter > 0.0:
         yield f"By the rig file, the times at which actuators act scatter by ±{_seconds(2.0 * jitter)} (95 %)"
     yield from _gaps(records)

@@ -109,8 +109,12 @@ class MeasuredRecord:
     def switch_std(self) -> Floats:
         """(switches) standard deviations of the times of the switches, s: where in the interval between two
         samples a command was given, and when its actuator acts after that."""
-        logged = self.switch_half * UNIFORM
-        return np.hypot(logged, self.switch_jitter) if self.switch_jitter.size else logged
+        return np.hypot(self.switch_half * UNIFORM, self.jitter)
+
+    @cached_property
+    def jitter(self) -> Floats:
+        """(switches) `switch_jitter`, zero where none is stated."""
+        return self.switch_jitter if self.switch_jitter.size else np.zeros(self.switch_half.size)
 
     def _inexact(self, half: Floats) -> Integers:
         step = float(np.median(np.diff(self.times))) if self.times.size > 1 else np.inf
@@ -237,9 +241,8 @@ class Measurements:
         """
         of_input = np.zeros(len(self.inputs))
         for record in self.records:
-            if record.switch_jitter.size:
-                changed = np.diff(record.inputs, axis=0, prepend=record.inputs[:1]) != 0.0
-                of_input = np.maximum(of_input, (changed * record.switch_jitter[:, None]).max(axis=0))
+            changed = np.diff(record.inputs, axis=0, prepend=record.inputs[:1]) != 0.0
+            of_input = np.maximum(of_input, (changed * record.jitter[:, None]).max(axis=0))
         changed = np.diff(rows, axis=0, prepend=rows[:1]) != 0.0
         return np.asarray((changed * of_input).max(axis=1, initial=0.0))
 
