@@ -10,6 +10,7 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import library
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
+from rigctl.wording import listed
 
 #: a set with a lower probability than this is no answer
 HALF = 0.5
@@ -39,7 +40,7 @@ def statement(design: DesignResult) -> str:
         return _detection(design)
     called = design.explanations
     named = list(dict.fromkeys(called[name][0] for pair in design.separates for name in pair))
-    names = _listed(named) if len(named) <= _NAMED else f"these {len(named)} explanations"
+    names = listed(named) if len(named) <= _NAMED else f"these {len(named)} explanations"
     if not design.records:
         return (
             f"no record that this bench can make distinguishes {names}{_sensor(design)}{_calibration(design)}"
@@ -182,7 +183,3 @@ def added(separation: float, of_repeat: float, *, precision: bool) -> str:
     what = "the logarithm of the precision of the size" if precision else "D"
     repeat = f"the best repeat of an earlier record would add {significant(of_repeat, 3)}"
     return f"{what} increases by {significant(separation, 3)}; {repeat}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

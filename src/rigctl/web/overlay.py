@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from rigctl.command_line import command
 from rigctl.errors import RigctlError, unknown_name
@@ -22,6 +22,8 @@ _MOST_CURVES: Final = 60
 #: points of a curve, and of one run where samples are drawn as points
 _POINTS: Final = 240
 _MOST_POINTS: Final = 1500
+
+_Quantities: TypeAlias = Mapping[str, Mapping[str, str]]
 
 
 def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
@@ -49,8 +51,8 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
     """
     if not 0 < len(runs) <= _MOST_RUNS:
         raise RigctlError("runs over each other", value=str(len(runs)), expected=f"1 to {_MOST_RUNS}")
-    channels = _channels(runs)
-    varied, measures = _values(runs, "sweep"), _values(runs, "measure")
+    each = [_quantities(run) for run in runs]
+    varied, measures, channels = (_of_first(each, kind) for kind in ("sweep", "measure", "channel"))
     quantities = {**varied, **measures, **channels}
     if not quantities:
         raise RigctlError("these runs have nothing that can be drawn")
@@ -60,7 +62,7 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
         if name and name not in quantities:
             raise unknown_name("quantity", name, quantities)
         if name:
-            _require_one_dimension(runs, name, quantities)
+            _require_one_dimension(runs, each, name, quantities)
     of_samples = y in channels and (not x or x in channels)
     curves = of_samples and not x
     draw = _curves if curves else _samples if of_samples else _records
@@ -80,10 +82,12 @@ def overlay(runs: Sequence[Run], y: str = "", x: str = "") -> dict[str, Any]:
     }
 
 
-def _require_one_dimension(runs: Sequence[Run], name: str, units: Mapping[str, str]) -> None:
+def _require_one_dimension(
+    runs: Sequence[Run], each: Sequence[_Quantities], name: str, units: Mapping[str, str]
+) -> None:
     common = parse_unit(units[name]).dimension
-    for run in runs:
-        own = _quantities([run]).get(name)
+    for run, quantities in zip(runs, each, strict=True):
+        own = {**quantities["sweep"], **quantities["measure"], **quantities["channel"]}.get(name)
         if own is not None and parse_unit(own).dimension != common:
             raise RigctlError(
                 f"{name} is another quantity in {run.id}",
@@ -114,27 +118,25 @@ def _quoted(text: str, mark: str = '"') -> str:
     return mark + text.replace(mark, 2 * mark) + mark
 
 
-def _quantities(runs: Sequence[Run]) -> dict[str, str]:
-    return {**_values(runs, "sweep"), **_values(runs, "measure"), **_channels(runs)}
-
-
-def _channels(runs: Sequence[Run]) -> dict[str, str]:
-    """The channels of the runs with samples, and their units in the first run that has them."""
-    found: dict[str, str] = {}
-    for run in runs:
-        for name in run.layout.channels if run.info["rows"] else ():
-            found.setdefault(name, run.layout.unit(name))
+def _quantities(run: Run) -> _Quantities:
+    """The units of what a run has, by its kind: numbers of each record, those of its ``sweep`` and each
+    ``measure``, and a ``channel`` of samples."""
+    found: dict[str, dict[str, str]] = {"sweep": {}, "measure": {}, "channel": {}}
+    for column in run.table("records").schema:
+        kind = (column.metadata or {}).get(b"kind", b"").decode()
+        if kind in ("sweep", "measure"):
+            found[kind][column.name] = run.record_units.get(column.name, "1")
+    if run.info["rows"]:
+        found["channel"] = {name: run.layout.unit(name) for name in run.layout.channels}
     return found
 
 
-def _values(runs: Sequence[Run], kind: str) -> dict[str, str]:
-    """The numbers that each record has once, and their units in the first run that has them: those of its
-    ``sweep``, or each ``measure``."""
+def _of_first(each: Sequence[_Quantities], kind: str) -> dict[str, str]:
+    """The units of all runs' quantities of a kind, each in the first run that has it."""
     found: dict[str, str] = {}
-    for run in runs:
-        for column in run.table("records").schema:
-            if (column.metadata or {}).get(b"kind", b"").decode() == kind:
-                found.setdefault(column.name, run.record_units.get(column.name, "1"))
+    for quantities in each:
+        for name, unit in quantities[kind].items():
+            found.setdefault(name, unit)
     return found
 
 

@@ -26,6 +26,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.conditions import variable_units
 from rigctl.units import show
+from rigctl.wording import listed
 
 Floats = NDArray[np.float64]
 
@@ -172,12 +173,8 @@ def _part_text(part: _Part, once: bool) -> str:
     if not rest:
         return f"{what}: it distinguishes all of them, by up to {distance}"
     if not single:
-        return f"{what}: it distinguishes {' from '.join(map(_listed, rest))}, by up to {distance}"
-    return f"{what}: it distinguishes {_listed(single)} from the others, by up to {distance}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+        return f"{what}: it distinguishes {' from '.join(map(listed, rest))}, by up to {distance}"
+    return f"{what}: it distinguishes {listed(single)} from the others, by up to {distance}"
 
 
 def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> list[str]:
@@ -188,7 +185,7 @@ def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> li
         for other in names
     }
     return [
-        f"measure the {quantity} a second time, independently of the bench's sensor: {_listed(group)} "
+        f"measure the {quantity} a second time, independently of the bench's sensor: {listed(group)} "
         "cannot be distinguished by any channel of the bench"
         for group in _groups(names, separable)
         if len(group) > 1
