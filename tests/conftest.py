@@ -14,12 +14,16 @@ from pathlib import Path
 
 import pytest
 from filelock import FileLock
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 # The examples of `make test` are the same each time and have no deadline; `make explore` looks for new ones,
 # and what it finds is added as an `@example`.
-settings.register_profile("suite", derandomize=True, deadline=None, max_examples=50)
-settings.register_profile("explore", max_examples=2_000, deadline=None)
+# How fast examples are made is not judged either: on a busy machine that health check fails by itself.
+_CHECKS = [HealthCheck.too_slow]
+settings.register_profile(
+    "suite", derandomize=True, deadline=None, max_examples=50, suppress_health_check=_CHECKS
+)
+settings.register_profile("explore", max_examples=2_000, deadline=None, suppress_health_check=_CHECKS)
 settings.load_profile("suite")
 
 # Processes started by the tests keep their bytecode even where a variable disables it: otherwise each command

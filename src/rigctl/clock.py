@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
+from rigctl.suspension import suspended_time
+
 
 class Clock(Protocol):
     """Seconds since the run began, and a way to wait."""
@@ -32,6 +34,10 @@ class Clock(Protocol):
         """The calendar time (UTC) at `now()`."""
         ...
 
+    def suspended(self) -> float:
+        """For how long this computer has been suspended so far, s, whether or not `now` counts that."""
+        ...
+
 
 @dataclass
 class ScaledClock:
@@ -43,6 +49,7 @@ class ScaledClock:
     speed: float = 1.0
     monotonic: Callable[[], float] = time.perf_counter
     sleep: Callable[[float], None] = time.sleep
+    suspension: Callable[[], float] = suspended_time
     started: datetime = field(default_factory=lambda: datetime.now(UTC))
 
     def __post_init__(self) -> None:
@@ -62,6 +69,10 @@ class ScaledClock:
     def date(self) -> datetime:
         """Start date plus elapsed bench time."""
         return self.started + timedelta(seconds=self.now())
+
+    def suspended(self) -> float:
+        """Seconds for which this computer has been suspended; on Windows `now` counts them too."""
+        return self.suspension()
 
 
 @dataclass
@@ -84,6 +95,10 @@ class VirtualClock:
     def date(self) -> datetime:
         """Start date plus elapsed bench time."""
         return self.started + timedelta(seconds=self._now)
+
+    def suspended(self) -> float:
+        """Zero: virtual time stands still with the computer."""
+        return 0.0
 
 
 def real_clock() -> ScaledClock:

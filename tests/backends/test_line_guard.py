@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -18,8 +19,11 @@ from patience import patient, unhurried
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.registry import create_backend
-from rigctl.backends.transport.guard_frames import Frame, FrameReader
-from rigctl.clock import real_clock
+from rigctl.backends.transport.address import Address
+from rigctl.backends.transport.guard import Guard, GuardSettings
+from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
+from rigctl.backends.transport.safe_commands import Outputs, SafeOrder
+from rigctl.clock import ScaledClock, real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
@@ -197,6 +201,48 @@ def test_a_device_whose_port_returns_has_its_outputs_off(board: Served) -> None:
 def test_a_missing_port_is_an_error(tmp_path: Path) -> None:
     with pytest.raises((BackendLost, RigctlError), match="nothing"), opened(str(tmp_path / "nothing")):
         pass
+
+
+class Written:
+    """A port that keeps what was written to it."""
+
+    name = "port"
+
+    def __init__(self) -> None:
+        self.data: list[bytes] = []
+
+    def write(self, data: bytes) -> None:
+        self.data.append(data)
+
+    def read(self, until: float) -> bytes:
+        time.sleep(0.01)
+        return b""
+
+    def close(self) -> None: ...
+
+
+def test_a_guard_that_was_suspended_with_its_computer_makes_outputs_safe_before_all_else() -> None:
+    """Nobody was silent: rigctl goes on as soon as the guard does."""
+    asleep, port = [100.0], Written()
+    orders = GuardSettings(Address("lines", "socket://x", {}), (SafeOrder(b"off", ()),), watchdog=60.0)
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        guard = Guard(theirs, orders, port, ScaledClock(suspension=lambda: asleep[0]))
+        serving = threading.Thread(target=guard.run)
+        serving.start()
+        send_frame(ours, Frame.IDENTIFIED, b"{}")
+        send_frame(ours, Frame.WRITE, b"on")
+        wait_for(lambda: port.data == [b"on"])
+        asleep[0] += 3600.0
+        send_frame(ours, Frame.WRITE, b"on")
+        assert list(FrameReader().feed(ours.recv(1024))) == [(Frame.ACTED, b"3600.000")]
+        send_frame(ours, Frame.WRITE, b"on")  # not yet: rigctl has to know first
+        send_frame(ours, Frame.RESUME)
+        send_frame(ours, Frame.WRITE, b"asked")
+        wait_for(lambda: port.data[-1] == b"asked")
+        send_frame(ours, Frame.CLOSE, Outputs.SAFE.value)
+        serving.join()
+    assert port.data == [b"on", b"off", b"asked"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")

@@ -135,6 +135,59 @@ def test_steps_of_the_calendar_clock_do_not_affect_a_run(
     assert record.iloc[-1] - record.iloc[0] == pytest.approx(5.0, abs=0.05)
 
 
+SLEPT_IN = {
+    "a record that may be repeated": "record: {{name: a, retries: 2}}\n    do:\n      - wait: {wait}\n",
+    "a wait": "wait: {wait}\n",
+}
+
+
+@pytest.mark.parametrize("counts", [False, True], ids=["Linux, macOS", "Windows"])
+@pytest.mark.parametrize("step", SLEPT_IN.values(), ids=SLEPT_IN)
+def test_a_run_on_a_computer_that_was_suspended_is_safe_first_and_says_so(
+    step: str, counts: bool, do: Do, workshop: Workshop
+) -> None:
+    """On Windows the clock of a run goes on meanwhile: the wait in progress is over when it wakes."""
+    wall, asleep = [0.0], [7200.0]  # it has been suspended before
+
+    def sleep(seconds: float) -> None:
+        wall[0] += seconds
+        if wall[0] > 2.0 and asleep[0] == 7200.0:
+            asleep[0] += 3600.0
+            wall[0] += 3600.0 if counts else 0.0
+
+    clock = ScaledClock(monotonic=lambda: wall[0], sleep=sleep, suspension=lambda: asleep[0])
+    backend = workshop.backend(workshop.rig(), clock=clock)
+    steps = f"steps:\n  - set: {{heater: on}}\n  - {step.format(wait='10 s')}  - set: {{heater: on}}\n"
+    done = do(steps, backend=backend)
+    assert (done.result.status, done.result.exit_code) == ("failed", ExitCode.FAILED)
+    assert "the computer was suspended for 3.6e+03 s, and nobody watched the bench" in done.result.reason
+    assert [value for _, value in done.commands("heater")] == [1.0, 0.0], "safe, and not on again"
+    assert done.states == ["arming", "running", "safe", "finishing", "failed"]
+
+
+def test_a_suspension_during_cleanup_makes_the_outputs_safe_and_cleanup_goes_on(
+    do: Do, workshop: Workshop
+) -> None:
+    wall, asleep = [0.0], [0.0]
+
+    def sleep(seconds: float) -> None:
+        wall[0] += seconds
+        asleep[0] = 60.0 if wall[0] > 5.0 else 0.0
+
+    clock = ScaledClock(monotonic=lambda: wall[0], sleep=sleep, suspension=lambda: asleep[0])
+    backend = workshop.backend(workshop.rig(), clock=clock)
+    cleanup = "finally:\n  - set: {heater: on}\n  - wait: 4 s\n  - prompt: end of cleanup\n"
+    done = do(f"steps:\n  - wait: 2 s\n{cleanup}", backend=backend)
+    assert done.result.status == "finished"
+    said = [event["message"] for event in done.log if "suspended" in event.get("message", "")]
+    assert said == [
+        "the computer was suspended for 60 s",
+        "the computer was suspended for 60 s; cleanup goes on",
+    ]
+    assert [value for _, value in done.commands("heater")] == [1.0, 0.0]
+    assert any(event.get("message") == "end of cleanup" for event in done.log)
+
+
 # --- two runs, signals, kills ---
 
 

@@ -142,7 +142,7 @@ def test_check_refuses_a_record_that_the_line_cannot_carry(tmp_path: Path) -> No
     text = "procedure: p\nrig: rig.yaml\nsteps:\n  - record: {name: fast, rate: RATE}\n    do: [wait: 10 s]\n"
     procedure.write_text(text.replace("RATE", "5 kHz"), encoding="utf-8")
     said = refusal("check", str(procedure))
-    assert f"{procedure}:4:5: record 'fast' at 5000 Hz: 5000 Hz is more than possible" in said
+    assert f"{procedure.as_posix()}:4:5: record 'fast' at 5000 Hz: 5000 Hz is more than possible" in said
     assert (
         "the line carries 1.15e+03 Hz at most: at 115200 baud, with 10 characters or more for a sample"
         in said

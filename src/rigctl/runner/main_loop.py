@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Sequence
 from time import perf_counter, sleep
 
 from rigctl.plan.behaviour import OnPause, Row, Until
-from rigctl.plan.outcomes import Aborted, Ending, Outcome, StepFailed
+from rigctl.plan.outcomes import Aborted, Ending, Lost, Outcome, StepFailed
 from rigctl.runner.bench import Bench
 from rigctl.runner.operators.attendance import Attendance
 from rigctl.runner.operators.requests import RESPONSE, Control, Order, Request
@@ -20,6 +20,8 @@ from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
 from rigctl.steps.approach import approach
 
 _SIGNAL = 0.02  # longest wait of a signal without a sample, s of wall time
+#: s of suspension of the computer that end a run; what is shorter is how exactly it is known
+_SUSPENDED = 0.5
 #: s above which two times on a sampling grid are different
 _SLACK = 1e-9
 
@@ -62,6 +64,7 @@ class Driver:
         self._slice = _SIGNAL * self._clock.speed  # s of bench time
         self._next_look = 0.0  # wall time
         self._signals_seen = 0
+        self._suspended = self._clock.suspended()
         self._pause: tuple[Control, Order] | None = None
         self._walker: Walker | None = None
 
@@ -131,7 +134,11 @@ class Driver:
         return rows
 
     def _look(self, until: Until) -> None:
-        """Handle signals at once; keys, other terminals and observers every tenth of a second."""
+        """Handle suspensions and signals at once; keys, other terminals and observers every tenth of a
+        second."""
+        suspended = self._clock.suspended() - self._suspended
+        if suspended > _SUSPENDED:
+            self._woken(suspended)
         if self._signals.count > self._signals_seen:
             self._signalled()
         wall = perf_counter()
@@ -143,6 +150,18 @@ class Driver:
             self._tick()
         if self._pause is not None and self._lifecycle.state is RunState.RUNNING:
             self._stand_still(self._pause, until)
+
+    def _woken(self, suspended: float) -> None:
+        """End the run of a computer that was suspended, for so many s: nobody watched the bench meanwhile."""
+        self._suspended += suspended
+        text = f"the computer was suspended for {suspended:.3g} s"
+        if self._lifecycle.state is RunState.FINISHING:
+            self._bench.make_safe(text)
+            self._bench.event("note", f"{text}; cleanup goes on")
+            return
+        ending = Lost(f"{text}, and nobody watched the bench")
+        self._secure(ending)
+        raise ending
 
     def _signalled(self) -> None:
         """The first signal ends the run, the second one its cleanup."""

@@ -148,19 +148,27 @@ class Guard:
     def _serve(self) -> Outputs | None:
         """Serve rigctl until it releases the port or ends, or until the port is lost while it is silent."""
         self._connection.settimeout(_LOOK)
-        heard = time.monotonic()
+        heard, suspended = time.monotonic(), self._clock.suspended()
         while not self._ended.is_set():
+            data: bytes | None = None
             try:
                 data = self._connection.recv(65536)
             except TimeoutError:
-                silence = time.monotonic() - heard
-                if silence >= self._orders.watchdog and not self._act(silence):
-                    return None
-                continue
+                pass
             except OSError:
                 return None
-            if not data:
+            if data == b"":
                 return None
+            asleep = self._clock.suspended() - suspended  # this process was silent, too
+            silence = time.monotonic() - heard if data is None else 0.0
+            if asleep >= self._orders.watchdog:  # before anything that rigctl has sent since
+                suspended += asleep
+                if self.here and not self._act(asleep):
+                    return None
+            elif silence >= self._orders.watchdog and not self._act(silence):
+                return None
+            if data is None:
+                continue
             heard = time.monotonic()
             for frame, content in self._reader.feed(data):
                 if frame is Frame.CLOSE:
