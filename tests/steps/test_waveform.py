@@ -24,6 +24,9 @@ HEATERS = shipped("rigs", "heater-board.yaml")
 LEVEL = 'heater_1: {kind: level, unit: "%", low: 0 %, high: 100 %'
 
 
+MULTISINE = "multisine: {mean: 50 %, from: 0.1 Hz, to: 1 Hz"
+
+
 def heaters(extra: str = "") -> Rig:
     """The heater board; `extra` is added to the entry of its first heater."""
     return parse_rig(HEATERS.read_text(encoding="utf-8").replace(LEVEL, LEVEL + extra))
@@ -71,6 +74,50 @@ def test_the_commands_follow_the_waveform(
     later = newest >= 0
     assert later.sum() > 190
     assert seen[later] == pytest.approx(np.array([given[i].value for i in newest[later]]))
+
+
+def test_a_multisine_has_its_lines_and_nothing_else(tmp_path: Path) -> None:
+    bench = VirtualBench(tmp_path, HEATERS)
+    text = f"{MULTISINE}, rms: 8 %, period: 20 s, lines: 6}}, rate: 20 Hz, repeat: 3, then: safe"
+    (label,) = [node.label for node in bench.plan(waveform(text), heaters()).root.children]
+    assert label.startswith("heater_1: multisine of 6 lines from 0.1 to 1 Hz, period 20 s, crest factor 1.")
+    assert label.endswith(", for 60 s, 3 times")
+    done = bench.run(waveform(text), rig=heaters())
+    given = [(time, value) for time, value in done.commands("heater_1") if value]
+    values = np.array([value for _, value in given[:1200]])
+    assert [time - given[0][0] for time, _ in given[:1200]] == pytest.approx(np.arange(1200) / 20.0, abs=2e-3)
+    spectrum = np.abs(np.fft.rfft(values)) / 600.0
+    lines = np.flatnonzero(spectrum[1:] > 1e-9) + 1
+    assert lines.tolist() == [
+        6,
+        9,
+        15,
+        24,
+        39,
+        60,
+    ]  # three times the harmonics of a period: 2, 3, 5, 8, 13, 20
+    assert spectrum[lines] == pytest.approx(0.08 * math.sqrt(2.0 / 6.0))
+    assert values.mean() == pytest.approx(0.5)
+
+
+def test_the_amplitude_of_a_multisine_is_its_largest_deviation(tmp_path: Path) -> None:
+    text = f"{MULTISINE}, amplitude: 40 %, period: 10 s}}, rate: 200 Hz"
+    done = VirtualBench(tmp_path, HEATERS).run(waveform(text), rig=heaters())
+    values = np.array([value for _, value in done.commands("heater_1") if value])
+    assert np.abs(values - 0.5).max() == pytest.approx(0.4, rel=1e-3)
+
+
+def test_a_multisine_that_its_record_would_not_show_is_refused(tmp_path: Path) -> None:
+    step = "- waveform: {actuator: heater_1, " + MULTISINE + ", amplitude: 9 %}}"
+    for rate, refused in (("2 Hz", True), ("2.5 Hz", False)):
+        text = f"steps:\n  - record: {{name: w, rate: {rate}}}\n    do:\n      {step}\n"
+        if refused:
+            with pytest.raises(
+                RigctlError, match=r"sampled too slowly for its highest line of 1 Hz.* above 2 Hz"
+            ):
+                VirtualBench(tmp_path, HEATERS).plan(text, heaters())
+        else:
+            assert VirtualBench(tmp_path, HEATERS).plan(text, heaters())
 
 
 def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
@@ -124,6 +171,20 @@ def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
         ("ramp: {from: 0 %, to: 1 %, over: 1e8 s}", "", "too many commands"),
         ("steps: {levels: [0 %, 10 %], each: 1 s, rise: 2 s}", "", "longer than a step"),
         ("ramp: {from: 0 bar, to: 10 bar, over: 1 s}", "", "wrong dimension"),
+        (f"{MULTISINE}, amplitude: 60 %}}", "", "out of range"),
+        (f"{MULTISINE}, amplitude: 40 %}}", ", max_rate: 20 %/s", "faster than 'heater_1' may be"),
+        (f"{MULTISINE}, amplitude: 9 %}}, rate: 1 Hz", "", "too few commands for a multisine.* above 2 Hz"),
+        (f"{MULTISINE}, amplitude: 9 %}}", ", min_interval: 600 ms", "every 0.6 s at most.* below 0.83"),
+        (f"{MULTISINE}, amplitude: 9 %}}", ", min_interval: 300 ms", "too often, at 0.1 s"),
+        (f"{MULTISINE}}}", "", "either 'amplitude' or 'rms'"),
+        (f"{MULTISINE}, amplitude: 9 %, rms: 3 %}}", "", "either 'amplitude' or 'rms'"),
+        (f"{MULTISINE}, amplitude: 9 %, period: 1 s, lines: 2}}", "", "so many lines.* 1 to 1"),
+        (f"{MULTISINE}, amplitude: 9 %, period: 1 h}}", "", "too many lines"),
+        (
+            "multisine: {mean: 5 %, from: 30 mHz, to: 30 mHz, amplitude: 1 %, period: 10 s}",
+            "",
+            "no multiple of 1/period",
+        ),
     ],
 )
 def test_a_waveform_that_the_rig_cannot_follow_is_refused_before_anything_moves(

@@ -1,4 +1,4 @@
-"""`waveform`: command one actuator along a ramp, a sine, steps or a table."""
+"""`waveform`: command one actuator along a ramp, a sine, a multisine, steps or a table."""
 
 from rigctl.steps.waveform.step import Waveform, WaveformStep
 

@@ -9,6 +9,7 @@ from typing import Final
 from rigctl.errors import RigctlError
 from rigctl.plan.setpoints import check_level, check_set_point
 from rigctl.rig import Actuator, Limit, Rig
+from rigctl.steps.waveform.shapes import Shape, highest_frequency
 from rigctl.units import show
 
 #: largest number of commands of one waveform; more are probably a typing error
@@ -70,6 +71,48 @@ def check_commands(
         for value in (low, high):
             check_set_point(rig, role.channel, value)
     return low, high
+
+
+def check_frequency(described: Actuator, shape: Shape, period: float, kind: str) -> None:
+    """Refuse a sine or a multisine with a frequency that its commands, one every `period` s, cannot follow.
+
+    Raises
+    ------
+    RigctlError
+        fewer than two commands would be given in a period of the highest frequency, or the actuator accepts
+        no more.
+    """
+    highest = highest_frequency(shape)
+    if highest * described.min_interval >= 0.5:
+        raise RigctlError(
+            f"the actuator cannot follow a {kind} of this frequency: it takes a command every "
+            f"{described.min_interval:g} s at most",
+            value=f"{highest:g} Hz",
+            expected=f"below {0.5 / described.min_interval:g} Hz",
+        )
+    if highest * period >= 0.5:
+        raise RigctlError(
+            f"too few commands for a {kind} of this frequency",
+            value=f"{1.0 / period:g} Hz",
+            expected=f"a 'rate' above {2.0 * highest:g} Hz",
+        )
+
+
+def check_sampled(shape: Shape, rate: float) -> None:
+    """Refuse a multisine whose highest line the record around it, sampled at `rate` Hz, would not show.
+
+    Raises
+    ------
+    RigctlError
+        the record has less than two samples in a period of the highest line.
+    """
+    highest = highest_frequency(shape)
+    if rate <= 2.0 * highest:
+        raise RigctlError(
+            f"the record around the multisine is sampled too slowly for its highest line of {highest:g} Hz",
+            value=f"{rate:g} Hz",
+            expected=f"a record with a 'rate' above {2.0 * highest:g} Hz",
+        )
 
 
 def _check_rate(

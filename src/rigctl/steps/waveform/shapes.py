@@ -67,6 +67,32 @@ class Sine:
 
 
 @dataclass(frozen=True, slots=True)
+class Multisine:
+    """One period of ``mean + sum amplitude·cos(2π·frequency·t + phase)`` over lines of one amplitude."""
+
+    mean: float
+    amplitude: float  #: of each line
+    frequencies: tuple[float, ...]  #: Hz, increasing multiples of 1/duration
+    phases: tuple[float, ...]  #: rad
+    crest_factor: float  #: peak over rms, about the mean
+    duration: float
+    edges: tuple[float, ...] = (0.0,)
+    held: bool = False
+
+    def at(self, time: float) -> float:
+        """Return the value of the sum."""
+        share, first = math.fmod(time, self.duration), 2.0 * math.pi
+        lines = zip(self.frequencies, self.phases, strict=True)
+        return self.mean + self.amplitude * sum(math.cos(first * f * share + phase) for f, phase in lines)
+
+    def __str__(self) -> str:
+        """The band, the period and the crest factor."""
+        count, low, high = len(self.frequencies), self.frequencies[0], self.frequencies[-1]
+        lines = f"{count} lines from {low:.4g} to {high:.4g} Hz" if count > 1 else f"one line at {low:.4g} Hz"
+        return f"{lines}, period {self.duration:g} s, crest factor {self.crest_factor:.2f}"
+
+
+@dataclass(frozen=True, slots=True)
 class Steps:
     """Levels one after the other, each for `each` s, of which `rise` s are a linear transition."""
 
@@ -132,6 +158,8 @@ def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[flo
 
     A held waveform is commanded at its edges; any other every `period` s and at its end.
     """
+    steps = range(0 if shape.held else math.ceil(shape.duration / period - 1e-9))
+    curve = [(index * period, shape.at(index * period)) for index in steps]
     for number in range(rounds):
         begin = number * shape.duration
         if shape.held:
@@ -139,10 +167,21 @@ def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[flo
                 if edge < shape.duration or number == rounds - 1:  # otherwise the next round begins there
                     yield begin + edge, shape.at(edge)
             continue
-        for index in range(math.ceil(shape.duration / period - 1e-9)):
-            yield begin + index * period, shape.at(index * period)
+        for time, value in curve:
+            yield begin + time, value
         if number == rounds - 1:
             yield begin + shape.duration, shape.at(shape.duration)
+
+
+def highest_frequency(shape: Shape) -> float:
+    """Return the frequency of a sine or of the highest line of a multisine, Hz; 0 for other shapes."""
+    match shape:
+        case Sine():
+            return shape.frequency
+        case Multisine():
+            return shape.frequencies[-1]
+        case _:
+            return 0.0
 
 
 def count(shape: Shape, period: float, rounds: int) -> float:

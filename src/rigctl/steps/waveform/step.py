@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Self
@@ -19,14 +20,29 @@ from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
 from rigctl.plan.value_text import shown_time
-from rigctl.plan.values import COUNT, PERIOD, RATE, AnyTolerance, AnyValue, Count, Duration, Period, Rate
+from rigctl.plan.values import (
+    COUNT,
+    PERIOD,
+    RATE,
+    AnyTolerance,
+    AnyValue,
+    Count,
+    Duration,
+    Period,
+    Rate,
+    Seed,
+)
 from rigctl.project import find_project
 from rigctl.steps.set_ import Command, read_command
-from rigctl.steps.waveform.checks import MOST, SHORTEST, check_commands
-from rigctl.steps.waveform.shapes import Ramp, Shape, Sine, Steps, Table, commands, count
+from rigctl.steps.waveform.checks import MOST, SHORTEST, check_commands, check_frequency, check_sampled
+from rigctl.steps.waveform.shapes import Multisine, Ramp, Shape, Sine, Steps, Table, commands, count
 from rigctl.steps.waveform.table_file import read_table
 
-_SHAPES = ("ramp", "sine", "steps", "table")
+_SHAPES = ("ramp", "sine", "multisine", "steps", "table")
+#: most lines of a multisine, and its highest harmonic
+_MOST_LINES, _HIGHEST = 2000, 10_000
+#: rounding of a number of periods
+_ROUNDING = 1e-6
 
 
 class RampFields(Part):
@@ -47,6 +63,38 @@ class SineFields(Part):
     frequency: Rate = Field(description="frequency")
     phase: AnyValue | None = Field(default=None, description="where it begins", examples=["90 deg"])
     for_: Duration = Field(alias="for", description="how long")
+
+
+class MultisineFields(Part):
+    """Sines of equal amplitudes at multiples of 1/period, with phases that keep the peaks low."""
+
+    mean: Command = Field(description="mean value")
+    from_: Rate = Field(alias="from", description="lowest frequency")
+    to: Rate = Field(description="highest frequency")
+    amplitude: AnyTolerance | None = Field(
+        default=None, description="largest deviation from the mean; or `rms`", examples=["20 %"]
+    )
+    rms: AnyTolerance | None = Field(
+        default=None, description="standard deviation about the mean", examples=["10 %"]
+    )
+    period: Duration | None = Field(
+        default=None, description="duration of a period; by default that of the lowest frequency"
+    )
+    lines: Count | None = Field(
+        default=None,
+        description="number of frequencies, spread over the band in equal ratios; by default all multiples "
+        "of 1/period",
+        examples=[20],
+    )
+    seed: Seed | None = Field(
+        default=None, description="another signal with the same lines for each number; always the same one"
+    )
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Self:
+        if (self.amplitude is None) == (self.rms is None):
+            raise refusal(RigctlError("a multisine needs its size", expected="either 'amplitude' or 'rms'"))
+        return self
 
 
 class StepsFields(Part):
@@ -87,6 +135,11 @@ class WaveformFields(Part):
     sine: SineFields | None = Field(
         default=None, description="`mean`, `amplitude`, `frequency`, `phase`, `for`: a sine"
     )
+    multisine: MultisineFields | None = Field(
+        default=None,
+        description="`mean`, `from`, `to`, `amplitude` or `rms`, `period`, `lines`, `seed`: one period of a "
+        "sum of sines; `repeat` is the number of periods",
+    )
     steps: StepsFields | None = Field(
         default=None, description="`levels`, `each`, `rise`: one level after another"
     )
@@ -111,7 +164,7 @@ class WaveformFields(Part):
 
 
 class WaveformStep(Step):
-    """Command an actuator along a ramp, a sine, steps or a table."""
+    """Command an actuator along a ramp, a sine, a multisine, steps or a table."""
 
     verb: ClassVar[str] = "waveform"
     example: ClassVar[str] = (
@@ -152,12 +205,9 @@ class WaveformStep(Step):
                     value=f"a 'rate' of {1.0 / action.period:g} Hz",
                     expected=f"at most {1.0 / SHORTEST:g} Hz",
                 )
-            if isinstance(shape, Sine) and shape.frequency * action.period >= 0.5:
-                raise RigctlError(
-                    "too few commands for a sine of this frequency",
-                    value=f"{1.0 / action.period:g} Hz",
-                    expected=f"a 'rate' above {2.0 * shape.frequency:g} Hz",
-                )
+            check_frequency(rig.actuators[name], shape, action.period, kind)
+            if kind == "multisine" and (sampled := context.record_rate) is not None:
+                check_sampled(shape, sampled)
             if not shape.held and rig.actuators[name].kind != "level":
                 raise RigctlError(
                     f"'{name}' has positions and nothing between them",
@@ -166,7 +216,8 @@ class WaveformStep(Step):
             if not action.from_now:
                 check_commands(rig, name, action.course(None), held=shape.held)
         again = f", {rounds} times" if rounds > 1 else ""
-        return context.leaf(f"{name}: {kind} for {shown_time(action.duration)}{again}", action)
+        about = f"{kind} of {shape}," if isinstance(shape, Multisine) else kind
+        return context.leaf(f"{name}: {about} for {shown_time(action.duration)}{again}", action)
 
 
 class _Builder:
@@ -183,6 +234,8 @@ class _Builder:
             return self._ramp(fields.ramp)
         if fields.sine is not None:
             return self._sine(fields.sine)
+        if fields.multisine is not None:
+            return self._multisine(fields.multisine)
         if fields.steps is not None:
             return self._steps(fields.steps)
         if fields.table is not None:
@@ -203,6 +256,31 @@ class _Builder:
             context.si(fields.frequency, *keys, "frequency"),
             context.optional_si(fields.phase, *keys, "phase", unit="deg") or 0.0,
             context.si(fields.for_, *keys, "for"),
+        )
+
+    def _multisine(self, fields: MultisineFields) -> Multisine:
+        from rigctl.frequency.multisine import low_crest_phases  # numpy, which other steps do not need
+
+        keys, context = ("waveform", "multisine"), self._context
+        unit = self._actuator.display_unit
+        mean = self._value(fields.mean, "multisine", "mean")
+        low, high = context.si(fields.from_, *keys, "from"), context.si(fields.to, *keys, "to")
+        period = context.optional_si(fields.period, *keys, "period") or 1.0 / low
+        lines = context.optional_si(fields.lines, *keys, "lines")
+        seed = context.optional_si(fields.seed, *keys, "seed")
+        peak = context.optional_si(fields.amplitude, *keys, "amplitude", unit=unit)
+        rms = context.optional_si(fields.rms, *keys, "rms", unit=unit)
+        with context.located(*keys):
+            harmonics = _harmonics(low, high, period, None if lines is None else int(lines))
+        phases = low_crest_phases(harmonics, None if seed is None else int(seed))
+        rms = rms if rms is not None else (peak or 0.0) / phases.crest_factor
+        return Multisine(
+            mean,
+            rms * math.sqrt(2.0 / len(harmonics)),
+            tuple(order / period for order in harmonics),
+            phases.values,
+            phases.crest_factor,
+            period,
         )
 
     def _steps(self, fields: StepsFields) -> Steps:
@@ -236,6 +314,44 @@ class _Builder:
     def _value(self, command: Command, *keys: str | int) -> float:
         with self._context.located("waveform", *keys):
             return read_command(self._context, self._name, self._actuator, command)
+
+
+def _harmonics(low: float, high: float, period: float, lines: int | None) -> list[int]:
+    """Return the multiples of ``1/period`` in a band, all or about `lines` of them in equal ratios.
+
+    Raises
+    ------
+    RigctlError
+        there are none, too many, or fewer than `lines`.
+    """
+    first, last = math.ceil(low * period - _ROUNDING), math.floor(high * period + _ROUNDING)
+    if high < low or first > last:
+        raise RigctlError(
+            "the band of the multisine holds no multiple of 1/period",
+            value=f"{low:g} to {high:g} Hz with a period of {period:g} s",
+            expected="'to' above 'from', and a 'period' of several periods of 'from'",
+        )
+    count = last - first + 1 if lines is None else lines
+    if count > _MOST_LINES or last > _HIGHEST:
+        raise RigctlError(
+            "too many lines between the frequencies of the multisine",
+            value=f"{count} lines, up to {last} periods of the highest in a period",
+            expected=f"at most {_MOST_LINES} lines and {_HIGHEST} periods: fewer 'lines', a shorter 'period'",
+        )
+    if lines is None:
+        return list(range(first, last + 1))
+    if not 1 <= lines <= last - first + 1:
+        raise RigctlError(
+            "the band of the multisine does not hold so many lines",
+            value=str(lines),
+            expected=f"1 to {last - first + 1} with a period of {period:g} s",
+        )
+    ratio = (last / first) ** (1.0 / max(lines - 1, 1))
+    chosen: list[int] = []
+    for index in range(lines):  # the next free one where two would be the same, leaving room for the rest
+        order = max(round(first * ratio**index), chosen[-1] + 1 if chosen else first)
+        chosen.append(min(order, last - (lines - 1 - index)))
+    return chosen
 
 
 @dataclass(frozen=True, slots=True)
