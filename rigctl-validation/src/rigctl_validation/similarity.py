@@ -101,7 +101,7 @@ def sizes_beside_each_other(
     without = [refit(fitted, others, every.fit, cost=_COST) if others else plain(fitted) for others in rest]
     beside = tuple(math.sqrt(_below(one, every)) for one in without if one is not None)
     try:
-        point = LinearisedSet(every, fitted.problem.rebuilt(fitted.model, library=True))
+        point = LinearisedSet(every, fitted.problem.rebuilt(fitted.at_end, library=True))
         return beside, tuple(point.size_beyond(member, SHAPE_TOLERANCE) for member in chosen)
     except RigctlError:  # the model cannot be simulated with one of the discrepancies
         return beside, ()

@@ -191,7 +191,7 @@ def reference_of(plain: Scenario) -> Reference:
     noisy = fit_model(model, measurements, _noise(plain, measurements))
     clean = clean_outputs(replace(plain.plain, seed=0))
     fitted = refitted(noisy, clean)
-    rebuilt = fitted.problem.rebuilt(fitted.model, library=True)
+    rebuilt = fitted.problem.rebuilt(fitted.at_end, library=True)
     projected = unexplained(linearise(fitted, rebuilt), rebuilt)
 
     def by_slopes(with_it: Clean, without: Clean) -> float:

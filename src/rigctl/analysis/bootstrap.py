@@ -243,7 +243,7 @@ def _intervals(fitted: FitResult, estimates: Floats) -> tuple[Interval, ...]:
     low, high = np.quantile(estimates, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
     indices = {unknown.name: index for index, unknown in enumerate(fitted.problem.shared)}
     intervals = []
-    for stated in stated_values(fitted.model):
+    for stated in stated_values(fitted.at_end):
         if stated.name not in indices:
             continue
         index, unit = indices[stated.name], parse_unit(stated.unit)

@@ -124,11 +124,11 @@ def _tested(
     fitted: FitResult, name: str, excluded: Collection[str], on_progress: OnProgress | None
 ) -> ModelComparison:
     """The tests of a fitted model, with the errors of sensors that its fit has."""
-    library_problem = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
-    ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
+    library_problem = fitted.problem.rebuilt(fitted.at_end, library=True, progress=on_progress)
+    ranges = data_ranges(fitted.at_end.family, fitted.problem.measurements)
     slopes = KnownSlopes() if fitted.problem.model.with_laws else None
     linearisation = linearise(
-        fitted, library_problem, candidates(fitted.model, excluded, ranges), known=slopes
+        fitted, library_problem, candidates(fitted.at_end, excluded, ranges), known=slopes
     )
     projected = project(linearisation)
     screening = screen(projected)

@@ -242,7 +242,7 @@ class ModelComparison:
             unknown.name: {
                 "value": float(value),
                 "unit": unknown.unit,
-                "std": finite_or_none(self.fit.std.get(unknown.name, 0.0)),
+                "std": finite_or_none(self.fit.reported_std.get(unknown.name, 0.0)),
                 **conditional_document(given.get(unknown.name), unknown.unit),
             }
             for unknown, value in zip(self.fit.problem.shared, self.fit.values, strict=True)

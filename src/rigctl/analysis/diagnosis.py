@@ -378,6 +378,6 @@ def _drift(before: ModelComparison, best: RefittedSet) -> list[Drift]:
         declared = family.parameter(unknown.name)
         unit = parse_unit(declared.unit)
         ends = unit.from_si(value), unit.from_si(after.get(unknown.name, value))
-        stds = (one.std.get(unknown.name, math.nan) / unit.factor for one in (before.fit, best.fit))
+        stds = (one.reported_std.get(unknown.name, math.nan) / unit.factor for one in (before.fit, best.fit))
         drifts.append(Drift(unknown.name, *ends, declared.unit, *stds))
     return drifts

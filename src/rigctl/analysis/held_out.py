@@ -57,7 +57,7 @@ def unseen(
             for u, value in zip(problem.shared, model.fit.values, strict=True)
             if u.name in known
         }
-        result = fit_model(model.fit.model, measurements, noise, refit=False, known=values)
+        result = fit_model(model.fit.at_end, measurements, noise, refit=False, known=values)
         evaluated.append(_group(model, inside, result, "only", choice.only))
     return tuple(evaluated)
 

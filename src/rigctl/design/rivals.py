@@ -334,7 +334,7 @@ def at_usual_size(before: ModelComparison, name: str) -> RefittedSet | None:
     sizes = {column.partition(".")[2]: candidate.parameter(column).start for column in candidate.columns}
     shapes = {column.partition(".")[2]: value for column, value in candidate.shapes.items()}
     try:
-        problem = fitted.problem.rebuilt(fitted.model.with_effect(candidate.effect, {**shapes, **sizes}))
+        problem = fitted.problem.rebuilt(fitted.at_end.with_effect(candidate.effect, {**shapes, **sizes}))
     except RigctlError:
         return None
     known = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
@@ -400,5 +400,5 @@ def _parameters(trial: RefittedSet) -> dict[str, FoundParameter]:
     parameters = {}
     for candidate in trial.candidates:
         for column in candidate.columns:
-            parameters[column] = FoundParameter.of(candidate.parameter(column), *trial.value(column))
+            parameters[column] = FoundParameter.of(candidate.parameter(column), *trial.reported(column))
     return parameters

@@ -30,7 +30,7 @@ def _of_values(campaign: MovingCampaign, diagnosis: Diagnosis) -> Iterator[Inter
         for each, value in zip(campaign.twin.drawn, campaign.drawn, strict=True)
     }
     for unknown, value in zip(fit.problem.shared, fit.values, strict=True):
-        std = fit.std.get(unknown.name, 0.0)
+        std = fit.reported_std.get(unknown.name, 0.0)
         if unknown.name in truths and std > 0.0 and math.isfinite(std):
             yield _interval("", unknown.name, truths[unknown.name], float(value), std)
 

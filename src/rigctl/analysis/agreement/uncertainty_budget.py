@@ -51,25 +51,24 @@ class UncertaintyBudget:
 
 def uncertainty_budgets(fit: FitResult) -> tuple[UncertaintyBudget, ...]:
     """The budget of each free parameter of a fitted model that the data determine."""
-    solution = fit.solution
-    if solution is None:
-        return ()
-    reading = {one.name: one.source for one in fit.problem.measurements.reading_errors}
+    unknowns, covariance = fit.uncertainty
+    measurements = fit.problem.measurements
+    reading = {one.name: one.source for one in (*measurements.reading_errors, *measurements.possible_errors)}
     assumed, lost, result = fit.problem.model.assumed, fit.undetermined, []
-    for row, unknown in enumerate(solution.unknowns):
-        variance = float(solution.covariance[row, row])
+    for row, unknown in enumerate(unknowns):
+        variance = float(covariance[row, row])
         if unknown.name not in fit.problem.model.fitted or unknown.name in lost:
             continue
         if not 0.0 < variance < math.inf:
             continue
         shares: dict[str, float] = {}
-        for column, other in enumerate(solution.unknowns):
+        for column, other in enumerate(unknowns):
             if other.prior is None:
                 continue
             source = reading.get(other.name, other.name)
             if source in assumed:
                 source = f"{source} (assumed)"
-            part = (float(solution.covariance[row, column]) / other.prior.std) ** 2 / variance
+            part = (float(covariance[row, column]) / other.prior.std) ** 2 / variance
             shares[source] = shares.get(source, 0.0) + part
         named = {source: share for source, share in shares.items() if share >= _LEAST}
         small = sum(share for share in shares.values() if share < _LEAST)

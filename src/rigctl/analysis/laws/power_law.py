@@ -64,7 +64,7 @@ class PowerLaw:
 
 def fit_power(law: EstimatedLaw, trial: RefittedSet) -> PowerLaw | None:
     """The power fitted to a law; None if its term cannot be written in a file, or not be fitted."""
-    definition = power_effect(law, trial.fit.model)
+    definition = power_effect(law, trial.fit.at_end)
     if definition is None:
         return None
     effect, terms = definition
@@ -87,7 +87,7 @@ def fit_power(law: EstimatedLaw, trial: RefittedSet) -> PowerLaw | None:
         effect=effect,
         terms=terms,
         exponent=float(refitted.values[names.index(name)]),
-        std=refitted.std[name],
+        std=refitted.reported_std[name],
         fit=refitted,
         gain=2.0 * (trial.fit.solution.cost - refitted.solution.cost),
     )

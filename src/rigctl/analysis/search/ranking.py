@@ -165,7 +165,7 @@ def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, Foun
     refined = [name for name in _shapes(candidate) if name in fitted]
     for column in (*candidate.columns, *refined):
         declared = candidate.parameter(column)
-        parameters[declared.name] = FoundParameter.of(declared, *trial.value(column), given.get(column))
+        parameters[declared.name] = FoundParameter.of(declared, *trial.reported(column), given.get(column))
     return parameters
 
 

@@ -96,6 +96,10 @@ class RefittedSet:
         """A parameter of an effect and its standard deviation, SI; NaN for that if it acts on no reading."""
         return value_of(self.fit, column), self.fit.std.get(column, math.nan)
 
+    def reported(self, column: str) -> tuple[float, float]:
+        """As `value`, with the standard deviation that users are told: see `FitResult.reported_std`."""
+        return value_of(self.fit, column), self.fit.reported_std.get(column, math.nan)
+
     def amplitudes(self, candidate: Candidate) -> Floats:
         """(columns) the parameters of one of its effects less their null, SI."""
         return np.array(
@@ -138,7 +142,7 @@ def refit(
     usual: keep to the limits of the usual range.
     """
     try:
-        model = fitted.model
+        model = fitted.at_end
         for candidate in chosen:
             model = model.with_effect(candidate.effect, starting_values(candidate))
         problem = _in_both_ranges(fitted.problem.rebuilt(model), fitted.problem)
@@ -291,7 +295,7 @@ def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tup
     }
     if not names:
         return fitted, 0
-    model = fitted.model
+    model = fitted.at_end
     free = {
         effect: {
             name: replace(value, fit=value.fit or (effect, name) in names) for name, value in values.items()

@@ -139,7 +139,7 @@ class _WithEffect:
     def of(cls, before: ModelComparison, candidate: Candidate) -> _WithEffect | None:
         """None if the effect's term cannot be added."""
         try:
-            model = before.fit.model.with_effect(candidate.effect, starting_values(candidate))
+            model = before.fit.at_end.with_effect(candidate.effect, starting_values(candidate))
             return cls(before, candidate, before.fit.problem.rebuilt(model))
         except RigctlError:
             return None

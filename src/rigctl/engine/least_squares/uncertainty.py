@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.least_squares.arrow import Arrow, Factors, Vector, eliminate
+from rigctl.engine.least_squares.arrow import Arrow, Factors, Vector, eliminate, reduce_blocks
+from rigctl.engine.least_squares.block import Block
 from rigctl.engine.least_squares.identifiability import WEAK, weak_combinations
 from rigctl.engine.least_squares.result import LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.unknown import Unknown, prior_rows
@@ -30,37 +33,26 @@ def conclude(
     iterations: int,
     evaluations: int,
 ) -> LeastSquaresResult:
-    """The result of a fit that ended at `point`, linearised there as `arrow`.
-
-    Covariance: the inverse of JᵀJ with priors, over the parameters that are not held at a bound; for the
-    shared ones with the records' own ones free (their Schur complement, by orthogonal elimination).
-    """
-    everyone = [*unknowns, *(unknown for record_local in local for unknown in record_local)]
-    _, weight = prior_rows(everyone, point.flat())
-    scale = np.maximum(arrow.norms().flat(), weight)
-    scale[scale == 0.0] = 1.0
-    free = _free(everyone, point.flat())
-    size, mask = point.like(scale), point.like(free)
-    nothing = point.like(np.zeros(scale.size))
-    factors = eliminate(arrow.scaled(size), point.like(weight / scale), nothing, mask, nothing)
-    chosen = mask.shared.astype(bool)
-    names = [unknown.name for unknown, one in zip(unknowns, chosen, strict=True) if one]
-    values, weak = weak_combinations(factors.matrix, np.ones(len(names)), names, size.shared[chosen])
-    inverse = _inverse(factors.matrix)
-    shared = np.zeros((len(unknowns), len(unknowns)))
-    shared[np.ix_(chosen, chosen)] = inverse / np.outer(size.shared[chosen], size.shared[chosen])
+    """The result of a fit that ended at `point`, linearised there as `arrow`."""
+    linear = _Linearised.at(arrow, unknowns, local, point)
+    values, weak = weak_combinations(
+        linear.factors.matrix,
+        np.ones(len(linear.names)),
+        linear.names,
+        linear.size.shared[linear.chosen],
+    )
     singular = np.zeros(len(unknowns))
-    singular[chosen] = values
+    singular[linear.chosen] = values
     return LeastSquaresResult(
         unknowns=unknowns,
         values=point.shared,
         local=point.local,
         cost=cost,
         residual_count=residual_count,
-        parameter_count=int(free.sum()),
-        covariance=shared,
-        local_std=_local_std(factors, inverse, mask, size),
-        at_bound=tuple(unknown.name for unknown, one in zip(unknowns, chosen, strict=True) if not one),
+        parameter_count=int(linear.mask.flat().sum()),
+        covariance=linear.covariance,
+        local_std=_local_std(linear.factors, linear.inverse, linear.mask, linear.size),
+        at_bound=tuple(unknown.name for unknown, one in zip(unknowns, linear.chosen, strict=True) if not one),
         singular_values=np.sort(singular)[::-1],
         weak=weak,
         outcome=outcome,
@@ -68,6 +60,67 @@ def conclude(
         iterations=iterations,
         evaluations=evaluations,
     )
+
+
+def covariance_at(
+    blocks: Sequence[Block],
+    unknowns: Sequence[Unknown],
+    local: Sequence[Sequence[Unknown]],
+    values: Floats,
+    local_values: Sequence[Floats],
+) -> Floats:
+    """(p, p) covariance of the shared unknowns at these values, where `blocks` are the residuals with their
+    derivatives: see `LeastSquaresResult.covariance`."""
+    arrow = reduce_blocks(blocks, len(unknowns), [len(each) for each in local])
+    return _Linearised.at(arrow, unknowns, local, Vector(values, tuple(local_values))).covariance
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """The problem at a point, in variables of size 1, with the records' own unknowns eliminated.
+
+    Attributes
+    ----------
+    size: the length of each unknown's column, by which its step is multiplied.
+    mask: 1 for an unknown inside its bounds, 0 for one held at one; `chosen` that of the shared ones.
+    names: of the chosen ones.
+    factors: the triangle of the chosen ones, with their priors.
+    """
+
+    size: Vector
+    mask: Vector
+    chosen: NDArray[np.bool_]
+    names: list[str]
+    factors: Factors
+
+    @classmethod
+    def at(
+        cls, arrow: Arrow, unknowns: Sequence[Unknown], local: Sequence[Sequence[Unknown]], point: Vector
+    ) -> _Linearised:
+        everyone = [*unknowns, *(unknown for record_local in local for unknown in record_local)]
+        _, weight = prior_rows(everyone, point.flat())
+        scale = np.maximum(arrow.norms().flat(), weight)
+        scale[scale == 0.0] = 1.0
+        size, mask = point.like(scale), point.like(_free(everyone, point.flat()))
+        nothing = point.like(np.zeros(scale.size))
+        factors = eliminate(arrow.scaled(size), point.like(weight / scale), nothing, mask, nothing)
+        chosen = mask.shared.astype(bool)
+        names = [unknown.name for unknown, one in zip(unknowns, chosen, strict=True) if one]
+        return cls(size, mask, chosen, names, factors)
+
+    @cached_property
+    def inverse(self) -> Floats:
+        """The covariance of the chosen unknowns, in variables of size 1."""
+        return _inverse(self.factors.matrix)
+
+    @property
+    def covariance(self) -> Floats:
+        """The inverse of JᵀJ with priors, over the parameters that are not held at a bound; for the shared
+        ones with the records' own ones free (their Schur complement, by orthogonal elimination)."""
+        result = np.zeros((self.chosen.size, self.chosen.size))
+        size = self.size.shared[self.chosen]
+        result[np.ix_(self.chosen, self.chosen)] = self.inverse / np.outer(size, size)
+        return result
 
 
 def _free(everyone: Sequence[Unknown], values: Floats) -> Floats:

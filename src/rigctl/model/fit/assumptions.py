@@ -89,7 +89,7 @@ def conditional_numbers(fitted: FitResult) -> dict[str, Conditional]:
     if not open_numbers or fitted.solution is None:
         return {}
     names = [one.name for one in fitted.problem.shared]
-    covariance = fitted.solution.covariance
+    _, covariance = fitted.uncertainty
     wanted = [*fitted.problem.model.fitted]
     found = {}
     for name in (one for one in wanted if one in names and one not in fitted.at_bound):
@@ -116,7 +116,7 @@ def _left_open(fitted: FitResult) -> list[Assumption]:
     result = []
     for unknown, value in zip(fitted.problem.shared, fitted.values.tolist(), strict=True):
         limits = fitted.problem.model.assumed.get(unknown.name)
-        std = fitted.std.get(unknown.name, 0.0)
+        std = fitted.reported_std.get(unknown.name, 0.0)
         if limits is None or unknown.prior is None or std <= _DETERMINED * unknown.prior.std:
             continue
         result.append(Assumption(unknown.name, value, *limits, unit_of(fitted, unknown.name)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -29,6 +29,7 @@ from rigctl.model.fit.approach import approach, reset_to_priors
 from rigctl.model.fit.errors import ChannelError, channel_errors
 from rigctl.model.fit.input_noise import with_input_noise
 from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.stated_errors import with_stated_errors
 from rigctl.model.fit.switch_scan import with_best_switches
 from rigctl.model.model import Model
 from rigctl.notebook import as_html, one_line
@@ -111,6 +112,15 @@ class FitResult:
     @cached_property
     def model(self) -> Model:
         """The model with the fitted values, their standard deviations and the runs from which they come."""
+        return self._with_values(self.reported_std)
+
+    @cached_property
+    def at_end(self) -> Model:
+        """`model` for whatever goes on from the end of this fit, with the uncertainty that its search uses,
+        which costs no evaluation."""
+        return self._with_values(self.std)
+
+    def _with_values(self, deviations: Mapping[str, float]) -> Model:
         model = self.problem.model
         known = {*model.fitted, *model.assumed} if self.solution is not None else set()
         changes = {
@@ -121,7 +131,7 @@ class FitResult:
         lost = self.undetermined
         std = {
             name: value
-            for name, value in self.std.items()
+            for name, value in deviations.items()
             if name in changes and name not in lost and 0.0 < value < math.inf
         }
         runs = ", ".join(self.problem.measurements.runs)
@@ -136,10 +146,27 @@ class FitResult:
 
     @cached_property
     def std(self) -> dict[str, float]:
-        """The standard deviation of each shared unknown, SI."""
+        """The standard deviation of each shared unknown, SI, where sensors of no stated kind of error are
+        exact: what a search decides by."""
         if self.solution is None:
             return {}
         return {u.name: float(s) for u, s in zip(self.solution.unknowns, self.solution.std, strict=True)}
+
+    @cached_property
+    def uncertainty(self) -> tuple[tuple[Unknown, ...], Floats]:
+        """The shared unknowns and the errors of sensors that it took for exact, and the covariance of all."""
+        if self.solution is None:
+            return (), np.empty((0, 0))
+        local = [self.local[k] for k in self.fitted]
+        joint = with_stated_errors(self.problem.only(self.fitted), self.values, local)
+        return joint or (self.solution.unknowns, self.solution.covariance)
+
+    @cached_property
+    def reported_std(self) -> dict[str, float]:
+        """The standard deviation of each shared unknown, SI, with all that is stated of sensors."""
+        unknowns, covariance = self.uncertainty
+        stds = np.sqrt(np.diag(covariance)[: len(self.problem.shared)])
+        return {one.name: float(std) for one, std in zip(unknowns, stds, strict=False)}
 
     @cached_property
     def expected_outputs(self) -> tuple[Floats, ...]:

@@ -214,7 +214,7 @@ def _effect_names(diagnosis: Diagnosis) -> list[str]:
 
 def _state(trial: RefittedSet) -> dict[str, Any]:
     """A refitted set as the sliders can show it: its effects, and every value that was fitted, SI."""
-    model = trial.fit.model
+    model = trial.fit.at_end
     return {"on": list(trial.effects), "values": {name: model.values[name] for name in model.fitted}}
 
 

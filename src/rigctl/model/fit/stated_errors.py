@@ -1,0 +1,113 @@
+"""Standard errors of fitted numbers, with the errors of sensors of which only an uncertainty is stated.
+
+Such sensors are exact in fits and searches (`rigctl.analysis.agreement.sensors` says why), but what they read
+is not: a number fitted to them is as uncertain as they are. With J the derivatives of the whitened residuals
+with respect to the unknowns, K those with respect to the errors, and P the variances of all priors, it is the
+first block of
+
+    C = ([J K]ᵀ[J K] + P⁻¹)⁻¹
+
+at the end of the fit. Neither the fit nor a verdict changes: where the data contradict exact sensors, the
+comparison is repeated with these errors as unknowns.
+Source: JCGM 100:2008 (GUM), F.2.4.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares import Block, Refused, Unknown, covariance_at
+from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.record import MeasuredRecord
+from rigctl.model.reading_errors import CalibrationError, ReadingError
+
+Floats = NDArray[np.float64]
+
+
+def with_stated_errors(
+    problem: Problem, shared: Floats, local: Sequence[Floats]
+) -> tuple[tuple[Unknown, ...], Floats] | None:
+    """The common unknowns with the stated errors of exact sensors after them, and the covariance of all.
+
+    None if no such error is stated, or the model cannot be simulated with it.
+
+    Parameters
+    ----------
+    problem: with the fitted records alone.
+    shared, local: where the fit ended.
+    """
+    errors = problem.measurements.possible_errors
+    if not errors:
+        return None
+    blocks = problem.evaluate(shared, local, derivatives=True)
+    columns = _columns(problem, errors, shared, local)
+    if isinstance(blocks, Refused) or columns is None:
+        return None
+    joint = [
+        Block(block.residual, np.column_stack([_of_shared(block), column]), block.local)
+        for block, column in zip(blocks, columns, strict=True)
+    ]
+    unknowns = (*problem.shared, *(one.unknown for one in errors))
+    at = np.concatenate([shared, np.zeros(len(errors))])
+    return unknowns, covariance_at(joint, unknowns, problem.local_unknowns(), at, local)
+
+
+def _of_shared(block: Block) -> Floats:
+    return np.empty((block.residual.size, 0)) if block.shared is None else block.shared
+
+
+def _columns(
+    problem: Problem, errors: Sequence[ReadingError], shared: Floats, local: Sequence[Floats]
+) -> list[Floats] | None:
+    """(values, errors) the derivatives K of each record, whitened; None if it cannot be simulated."""
+    outputs = problem.outputs_at(shared, local)
+    columns = [np.zeros((*each.shape, len(errors))) for each in outputs]
+    for k, error in enumerate(errors):
+        if not isinstance(error, CalibrationError):
+            continue
+        if error.channel in problem.measurements.outputs:
+            channel = problem.measurements.outputs.index(error.channel)
+            for record, each, column in zip(problem.records, outputs, columns, strict=True):
+                if error.acts_in(record.run):
+                    column[:, channel, k] = error.basis(each[:, channel])
+        else:
+            moved = _by_input(problem, error, shared, local)
+            if moved is None:
+                return None
+            for column, each in zip(columns, moved, strict=True):
+                column[:, :, k] = each
+    return [whitener(column) for whitener, column in zip(problem.whiteners, columns, strict=True)]
+
+
+def _by_input(
+    problem: Problem, error: CalibrationError, shared: Floats, local: Sequence[Floats]
+) -> list[Floats] | None:
+    """(n, outputs) of each record, the derivative by the error of a measured input: a central difference
+    over one standard deviation of it to both sides."""
+    index = problem.measurements.inputs.index(error.channel)
+    ends = []
+    for size in (error.std, -error.std):
+        records = tuple(_read_wrong(record, index, error, size) for record in problem.records)
+        moved = replace(problem, measurements=replace(problem.measurements, records=records))
+        simulated = moved.simulate(shared, local)
+        if not simulated.ok:
+            return None
+        ends.append([np.take(each, problem.channels, axis=1) for each in simulated.outputs])
+    return [(high - low) / (2.0 * error.std) for high, low in zip(*ends, strict=True)]
+
+
+def _read_wrong(record: MeasuredRecord, index: int, error: CalibrationError, size: float) -> MeasuredRecord:
+    """The record as it would have been without this error of its input."""
+    if not error.acts_in(record.run) or error.channel in record.unrecorded:
+        return record
+    if index in record.along:
+        lines, column = record.lines.copy(), record.along.index(index)
+        lines[:, column] -= size * error.basis(lines[:, column])
+        return replace(record, lines=lines)
+    inputs = record.inputs.copy()
+    inputs[:, index] -= size * error.basis(inputs[:, index])
+    return replace(record, inputs=inputs)
