@@ -1,19 +1,22 @@
 """What a plain `uncertainty` brings to the numbers of a model that agrees, with its sensors taken for exact.
 
-The covariance is compared with that of a fit with these errors among its unknowns, where a kind is stated.
+It is compared with what the same fit finds in logs whose readings are off by each part of what is stated.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from commands import answer, told
 
+Floats = NDArray[np.float64]
 FAMILY = """
 family: lag
 states:
@@ -33,11 +36,27 @@ MODEL = (
 )
 #: standard deviation of the noise of each reading, and the stated uncertainty of both channels, 95 %
 NOISE, STATED = 0.02, 0.4
+#: of a standard deviation, so that the fit of a log that is off agrees too
+SHARE = 0.1
+#: each part of an error, over the position between the lowest and the highest reading, -1 to 1
+PARTS: dict[str, Callable[[Floats], Floats]] = {
+    "zero": np.ones_like,
+    "gain": lambda x: x,
+    "curvature": lambda x: 1.5 * x**2 - 0.5,
+}
 NUMBERS = ("lag", "gain", "offset")
 
 
-def compared(folder: Path, *, level: str = "", drive: str = "", noise: float = NOISE) -> dict[str, Any]:
-    """The comparison of a lag of 2 s with its own log, each channel with this calibration."""
+def compared(
+    folder: Path,
+    *,
+    level: str = "",
+    drive: str = "",
+    noise: float = NOISE,
+    wrong: tuple[str, str] | None = None,
+) -> dict[str, Any]:
+    """The comparison of a lag of 2 s with its own log, each channel with this calibration; one of them
+    `wrong` by a share of a standard deviation of one part of it."""
     for name in ("families", "rigs", "models"):
         (folder / name).mkdir(parents=True)
     times = np.arange(2000) * 0.1
@@ -49,6 +68,10 @@ def compared(folder: Path, *, level: str = "", drive: str = "", noise: float = N
             now = np.interp(time + 0.1 * step / fine, times, drives)
             value += 0.1 / fine * (2.0 * now + 1.0 - value) / 2.0
     read = np.array(course) + np.random.default_rng(3).normal(0.0, noise, times.size)
+    if wrong is not None:
+        channel, part = wrong
+        off = drives if channel == "drive" else read
+        off += SHARE * 0.5 * STATED * PARTS[part](2.0 * (off - off.min()) / np.ptp(off) - 1.0)
     rows = [f"{t:.1f},{u:.6f},{y:.6f}" for t, u, y in zip(times, drives, read, strict=True)]
     with chdir(folder):
         Path("log.csv").write_text("\n".join(["time [s],drive [V],level [V]", *rows]) + "\n", "utf-8")
@@ -70,24 +93,39 @@ def _calibration(kind: str) -> str:
     return f", calibration: {{uncertainty: {STATED} V{'' if kind == 'plain' else f', kind: {kind}'}}}"
 
 
-def stds(found: dict[str, Any]) -> dict[str, float]:
-    return {name: found["parameters"][name]["std"] for name in NUMBERS}
+def numbers(found: dict[str, Any], what: str = "std") -> Floats:
+    return np.array([found["parameters"][name][what] for name in NUMBERS])
 
 
 @pytest.mark.parametrize("channel", ["level", "drive"])
-def test_it_counts_in_every_number_as_a_stated_kind_does(tmp_path: Path, channel: str) -> None:
-    exact = stds(compared(tmp_path / "exact"))
-    plain = compared(tmp_path / "plain", **{channel: "plain"})
-    free = stds(compared(tmp_path / "free", **{channel: "data_sheet"}))
+def test_it_brings_to_each_number_what_such_errors_do(tmp_path: Path, channel: str) -> None:
+    exact = compared(tmp_path / "exact")
+    variance = numbers(exact) ** 2
+    for part in PARTS:
+        off = compared(tmp_path / part, wrong=(channel, part))
+        variance += ((numbers(off, "value") - numbers(exact, "value")) / SHARE) ** 2
+    plain = compared(tmp_path / "plain", **{channel: "plain"})  # type: ignore[arg-type]
     assert plain["adequate"] is True
     assert plain["explained_by"] is None
-    assert stds(plain)["gain"] > 5.0 * exact["gain"]
-    assert stds(plain) == pytest.approx(free, rel=0.1)
-    first = {one["parameter"]: next(iter(one["shares"])) for one in plain["uncertainty_budget"]}
-    assert first["gain"] == f"calibration of {channel}"
+    assert numbers(plain, "value") == pytest.approx(numbers(exact, "value"))
+    assert numbers(plain)[1] > 5.0 * numbers(exact)[1]
+    assert numbers(plain) == pytest.approx(np.sqrt(variance), rel=0.1)
+    budgets = {one["parameter"]: one["shares"] for one in plain["uncertainty_budget"]}
+    assert next(iter(budgets["gain"])) == f"calibration of {channel}"
+    for shares in budgets.values():
+        assert sum(shares.values()) == pytest.approx(1.0)
+
+
+def test_a_number_added_to_the_model_file_has_it_too(tmp_path: Path) -> None:
+    plain = compared(tmp_path, level="plain")
+    with chdir(tmp_path):
+        told("model", "fit", "models/lag.yaml", "latest")
+        stored = answer("model", "show", "models/lag.yaml")
+    of_gain = next(one for one in stored["parameters"] if one["name"] == "gain")
+    assert of_gain["std"] == pytest.approx(plain["parameters"]["gain"]["std"], rel=0.01)
 
 
 def test_more_readings_do_not_make_a_number_more_certain_than_its_sensor(tmp_path: Path) -> None:
-    noisy = stds(compared(tmp_path / "noisy", level="plain"))
-    quiet = stds(compared(tmp_path / "quiet", level="plain", noise=0.1 * NOISE))
-    assert quiet["gain"] == pytest.approx(noisy["gain"], rel=0.1)
+    noisy = numbers(compared(tmp_path / "noisy", level="plain"))
+    quiet = numbers(compared(tmp_path / "quiet", level="plain", noise=0.1 * NOISE))
+    assert quiet[1] == pytest.approx(noisy[1], rel=0.1)

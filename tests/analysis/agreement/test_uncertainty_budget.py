@@ -11,6 +11,7 @@ import pytest
 from rigctl.analysis.agreement.uncertainty_budget import READINGS, uncertainty_budgets
 from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.stated_errors import StatedErrors
 from rigctl.model.reading_errors import CalibrationError
 
 READ = [CalibrationError("t", part, 0.2, 300.0, 30.0, "K") for part in ("zero", "gain")]
@@ -27,6 +28,8 @@ def fitted(covariance: np.ndarray) -> FitResult:
     )
     fit = SimpleNamespace(
         solution=SimpleNamespace(unknowns=unknowns, covariance=covariance),
+        reported_covariance=covariance,
+        stated_errors=StatedErrors((), np.zeros((len(unknowns), 0))),
         problem=SimpleNamespace(
             measurements=SimpleNamespace(reading_errors=tuple(READ)),
             model=SimpleNamespace(fitted=("size",), assumed={"resistance": (0.5, 2.0)}),

@@ -9,7 +9,7 @@ from rigctl.engine.least_squares.identifiability import null_columns
 from rigctl.engine.least_squares.multi_start import multi_start
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.solve import NoValueAtStart, Options, least_squares
-from rigctl.engine.least_squares.uncertainty import covariance_at
+from rigctl.engine.least_squares.uncertainty import slopes_of_minimum
 from rigctl.engine.least_squares.unknown import Prior, Unknown, started
 
 __all__ = [
@@ -22,9 +22,9 @@ __all__ = [
     "Prior",
     "Refused",
     "Unknown",
-    "covariance_at",
     "least_squares",
     "multi_start",
     "null_columns",
+    "slopes_of_minimum",
     "started",
 ]

@@ -62,17 +62,47 @@ def conclude(
     )
 
 
-def covariance_at(
+def slopes_of_minimum(
     blocks: Sequence[Block],
+    causes: Sequence[Floats],
     unknowns: Sequence[Unknown],
     local: Sequence[Sequence[Unknown]],
     values: Floats,
     local_values: Sequence[Floats],
 ) -> Floats:
-    """(p, p) covariance of the shared unknowns at these values, where `blocks` are the residuals with their
-    derivatives: see `LeastSquaresResult.covariance`."""
-    arrow = reduce_blocks(blocks, len(unknowns), [len(each) for each in local])
-    return _Linearised.at(arrow, unknowns, local, Vector(values, tuple(local_values))).covariance
+    """(p, k) how the shared unknowns at a minimum follow k causes, zero for those held at a bound.
+
+    With J the derivatives by the unknowns, K those by the causes and P the priors' variances, the minimum of
+    ``|r + K·c|²`` moves by ``-(JᵀJ + P⁻¹)⁻¹JᵀK`` times c; for the shared ones, with the records' own free.
+
+    Parameters
+    ----------
+    blocks: residuals and J at the minimum.
+    causes: (values, k) K of each record.
+    values, local_values: of the minimum.
+    """
+    count, more = len(unknowns), causes[0].shape[1] if causes else 0
+    joint = [
+        Block(block.residual, np.column_stack([_of_shared(block), columns]), block.local)
+        for block, columns in zip(blocks, causes, strict=True)
+    ]
+    everything = [*unknowns, *(Unknown(f"cause {k}", 0.0) for k in range(more))]
+    point = Vector(np.concatenate([values, np.zeros(more)]), tuple(local_values))
+    linear = _Linearised.at(
+        reduce_blocks(joint, count + more, [len(each) for each in local]), everything, local, point
+    )
+    free = linear.chosen[:count]
+    of_unknowns, of_causes = np.split(linear.factors.matrix, [int(free.sum())], axis=1)
+    slopes = np.zeros((count, more))
+    inverse = _inverse(of_unknowns)
+    inverse[~np.isfinite(inverse)] = 0.0  # nothing determines those: they follow nothing either
+    sizes = linear.size.shared
+    slopes[free] = -inverse @ of_unknowns.T @ of_causes * sizes[count:] / sizes[:count][free][:, None]
+    return slopes
+
+
+def _of_shared(block: Block) -> Floats:
+    return np.empty((block.residual.size, 0)) if block.shared is None else block.shared
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ def conditional_numbers(fitted: FitResult) -> dict[str, Conditional]:
     if not open_numbers or fitted.solution is None:
         return {}
     names = [one.name for one in fitted.problem.shared]
-    _, covariance = fitted.uncertainty
+    covariance = fitted.reported_covariance
     wanted = [*fitted.problem.model.fitted]
     found = {}
     for name in (one for one in wanted if one in names and one not in fitted.at_bound):

@@ -29,7 +29,7 @@ from rigctl.model.fit.approach import approach, reset_to_priors
 from rigctl.model.fit.errors import ChannelError, channel_errors
 from rigctl.model.fit.input_noise import with_input_noise
 from rigctl.model.fit.problem import Problem
-from rigctl.model.fit.stated_errors import with_stated_errors
+from rigctl.model.fit.stated_errors import StatedErrors, stated_errors
 from rigctl.model.fit.switch_scan import with_best_switches
 from rigctl.model.model import Model
 from rigctl.notebook import as_html, one_line
@@ -153,20 +153,26 @@ class FitResult:
         return {u.name: float(s) for u, s in zip(self.solution.unknowns, self.solution.std, strict=True)}
 
     @cached_property
-    def uncertainty(self) -> tuple[tuple[Unknown, ...], Floats]:
-        """The shared unknowns and the errors of sensors that it took for exact, and the covariance of all."""
+    def stated_errors(self) -> StatedErrors:
+        """The errors of sensors that it took for exact, and what they do to the shared unknowns."""
         if self.solution is None:
-            return (), np.empty((0, 0))
+            return StatedErrors((), np.zeros((len(self.problem.shared), 0)))
         local = [self.local[k] for k in self.fitted]
-        joint = with_stated_errors(self.problem.only(self.fitted), self.values, local)
-        return joint or (self.solution.unknowns, self.solution.covariance)
+        return stated_errors(self.problem.only(self.fitted), self.values, local)
+
+    @cached_property
+    def reported_covariance(self) -> Floats:
+        """(p, p) of the shared unknowns, with all that is stated of sensors."""
+        known = 0.0 if self.solution is None else self.solution.covariance
+        return np.asarray(known + self.stated_errors.covariance)
 
     @cached_property
     def reported_std(self) -> dict[str, float]:
         """The standard deviation of each shared unknown, SI, with all that is stated of sensors."""
-        unknowns, covariance = self.uncertainty
-        stds = np.sqrt(np.diag(covariance)[: len(self.problem.shared)])
-        return {one.name: float(std) for one, std in zip(unknowns, stds, strict=False)}
+        if self.solution is None:
+            return {}
+        stds = np.sqrt(np.diag(self.reported_covariance))
+        return {one.name: float(std) for one, std in zip(self.solution.unknowns, stds, strict=True)}
 
     @cached_property
     def expected_outputs(self) -> tuple[Floats, ...]:

@@ -1,26 +1,26 @@
-"""Standard errors of fitted numbers, with the errors of sensors of which only an uncertainty is stated.
+"""How fitted numbers follow the errors of sensors of which only an uncertainty is stated.
 
-Such sensors are exact in fits and searches (`rigctl.analysis.agreement.sensors` says why), but what they read
-is not: a number fitted to them is as uncertain as they are. With J the derivatives of the whitened residuals
-with respect to the unknowns, K those with respect to the errors, and P the variances of all priors, it is the
-first block of
+Such sensors are exact in fits and searches (`rigctl.analysis.agreement.sensors` says why), but what they
+read is not, and the numbers fitted to it are off with them. A fit that ended at θ would have ended at
+``θ + S·c`` if errors c had been known; with their stated variances P, the covariance of θ is
 
-    C = ([J K]ᵀ[J K] + P⁻¹)⁻¹
+    C + S·P·Sᵀ,      S = -C·JᵀK,
 
-at the end of the fit. Neither the fit nor a verdict changes: where the data contradict exact sensors, the
-comparison is repeated with these errors as unknowns.
-Source: JCGM 100:2008 (GUM), F.2.4.5.
+C being that of the fit, J and K the derivatives of the whitened residuals by unknowns and errors. Neither the
+fit nor a verdict changes: where the data contradict exact sensors, the comparison is repeated with these
+errors as unknowns.
+Source: JCGM 100:2008 (GUM), 5.1.2, the law of propagation of uncertainty.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.least_squares import Block, Refused, Unknown, covariance_at
+from rigctl.engine.least_squares import Refused, slopes_of_minimum
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.reading_errors import CalibrationError, ReadingError
@@ -28,12 +28,28 @@ from rigctl.model.reading_errors import CalibrationError, ReadingError
 Floats = NDArray[np.float64]
 
 
-def with_stated_errors(
-    problem: Problem, shared: Floats, local: Sequence[Floats]
-) -> tuple[tuple[Unknown, ...], Floats] | None:
-    """The common unknowns with the stated errors of exact sensors after them, and the covariance of all.
+@dataclass(frozen=True)
+class StatedErrors:
+    """Errors of sensors that a fit took for exact, and what they do to its numbers.
 
-    None if no such error is stated, or the model cannot be simulated with it.
+    Attributes
+    ----------
+    errors: each part of a calibration, with the standard deviation that is stated of it.
+    shifts: (unknowns, errors) of the shared unknowns, by one standard deviation of each, SI.
+    """
+
+    errors: tuple[ReadingError, ...]
+    shifts: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """(unknowns, unknowns) ``S·P·Sᵀ``."""
+        return np.asarray(self.shifts @ self.shifts.T)
+
+
+def stated_errors(problem: Problem, shared: Floats, local: Sequence[Floats]) -> StatedErrors:
+    """What the stated errors of exact sensors do to a fit; nothing if the model cannot be simulated with
+    them.
 
     Parameters
     ----------
@@ -41,23 +57,15 @@ def with_stated_errors(
     shared, local: where the fit ended.
     """
     errors = problem.measurements.possible_errors
-    if not errors:
-        return None
+    none = StatedErrors((), np.zeros((shared.size, 0)))
+    if not errors or not shared.size:
+        return none
     blocks = problem.evaluate(shared, local, derivatives=True)
     columns = _columns(problem, errors, shared, local)
     if isinstance(blocks, Refused) or columns is None:
-        return None
-    joint = [
-        Block(block.residual, np.column_stack([_of_shared(block), column]), block.local)
-        for block, column in zip(blocks, columns, strict=True)
-    ]
-    unknowns = (*problem.shared, *(one.unknown for one in errors))
-    at = np.concatenate([shared, np.zeros(len(errors))])
-    return unknowns, covariance_at(joint, unknowns, problem.local_unknowns(), at, local)
-
-
-def _of_shared(block: Block) -> Floats:
-    return np.empty((block.residual.size, 0)) if block.shared is None else block.shared
+        return none
+    slopes = slopes_of_minimum(blocks, columns, problem.shared, problem.local_unknowns(), shared, local)
+    return StatedErrors(errors, slopes * np.array([one.std for one in errors]))
 
 
 def _columns(
