@@ -39,7 +39,7 @@ def test_a_missing_file_is_reported(make_run: RunMaker, name: str) -> None:
     (folder / name).unlink()
     verdict = verify(folder)
     assert verdict.condition is Condition.BROKEN
-    assert verdict.problems == (f"{folder / name}: the file is missing",)
+    assert verdict.problems == (f"{(folder / name).as_posix()}: the file is missing",)
 
 
 def test_run_json_is_rebuilt_from_the_log(make_run: RunMaker) -> None:
@@ -76,7 +76,7 @@ def test_a_damaged_log_line_damages_the_open_record(writer: RunWriter, bad: int)
     path.write_bytes(damaged)
     verdict = verify(folder)
     assert verdict.condition is Condition.RECOVERED
-    assert f"{path}: what line {bad + 1} said is lost" in verdict.problems[-1]
+    assert f"{path.as_posix()}: what line {bad + 1} said is lost" in verdict.problems[-1]
     assert path.read_bytes() == damaged, "the log is left as it is"
     wanted = ["complete"] * 3
     wanted[0 if bad == 3 else 1] = "damaged"
@@ -90,7 +90,7 @@ def test_a_log_without_its_first_line_leaves_the_journal_untouched(writer: RunWr
     path.write_bytes(b"@" + path.read_bytes()[1:])
     verdict = verify(folder)
     assert verdict.condition is Condition.BROKEN
-    assert f"{path}:1" in verdict.problems[0]
+    assert f"{path.as_posix()}:1" in verdict.problems[0]
     assert (folder / "samples.journal").exists()
 
 

@@ -12,6 +12,7 @@ import pytest
 from commands import call
 from rigctl.cli.commands.init import create_project
 from rigctl.errors import RigctlError
+from rigctl.files.regular import read_text, regular
 
 SOURCE = Path(__file__).parents[2] / "src" / "rigctl"
 COMMANDS = (
@@ -42,6 +43,22 @@ def test_pipes_and_devices_are_refused(tmp_path: Path, monkeypatch: pytest.Monke
     for name, command in product(("pipe", "device"), COMMANDS):
         done = call(*command.format(name).split())
         assert isinstance(done.exception, RigctlError), command
+
+
+@pytest.mark.parametrize("name", ["com1", "COM3.yaml", "aux", "nul.csv"])
+def test_on_windows_a_device_is_refused_before_it_is_opened(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To open COM3 restarts the board there."""
+    monkeypatch.setattr(os, "open", lambda *_: pytest.fail("it was opened"))
+    with pytest.raises(OSError, match=f"'{name}' is a device on Windows, in every folder"):
+        regular(str(tmp_path / name), os.O_RDONLY, windows=True)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a device there")
+def test_elsewhere_a_file_may_be_named_like_a_device_of_windows(tmp_path: Path) -> None:
+    (tmp_path / "con.yaml").write_text("text", encoding="utf-8")
+    assert read_text(tmp_path / "con.yaml") == "text"
 
 
 #: modules that read only files of rigctl itself, or its own folders of the user, or in a process with limits

@@ -77,14 +77,16 @@ def test_recursion_is_refused_with_the_chain(tmp_path: Path, rig: Rig) -> None:
         write(tmp_path, f"{name}.yaml", f"procedure: {name}\nsteps: [{{call: {other}.yaml}}]\n")
     with pytest.raises(RigctlError, match=r"a\.yaml calls b\.yaml calls c\.yaml calls a\.yaml") as caught:
         plan_of(tmp_path / "a.yaml", rig)
-    assert str(caught.value).startswith(f"{tmp_path / 'c.yaml'}:2:16: call: a procedure calls itself")
+    assert str(caught.value).startswith(
+        f"{(tmp_path / 'c.yaml').as_posix()}:2:16: call: a procedure calls itself"
+    )
 
 
 def test_a_missing_file_is_reported_with_the_folders_searched(tmp_path: Path, rig: Rig) -> None:
     outer = write(tmp_path, "outer.yaml", "procedure: o\nsteps: [{call: inner.yaml}]\n")
     with pytest.raises(RigctlError, match=r"outer\.yaml:2:16: call: there is no such file") as caught:
         plan_of(outer, rig)
-    assert str(tmp_path / "inner.yaml") in str(caught.value)
+    assert (tmp_path / "inner.yaml").as_posix() in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +109,7 @@ def test_arguments_of_a_call_are_checked(tmp_path: Path, rig: Rig, given: str, p
     )
     with pytest.raises(RigctlError) as caught:
         plan_of(outer, rig)
-    assert f"{outer}:3:" in str(caught.value)
+    assert f"{outer.as_posix()}:3:" in str(caught.value)
     for piece in pieces:
         assert piece in str(caught.value)
 
@@ -182,7 +184,7 @@ def test_declarations_of_arguments_are_checked(tmp_path: Path, declared: str, pi
     path = write(tmp_path, "p.yaml", f"procedure: p\narguments: {{a: {declared}}}\nsteps: [wait: 1 s]\n")
     with pytest.raises(RigctlError) as caught:
         load_procedure(path)
-    assert f"{path}:2:" in str(caught.value)
+    assert f"{path.as_posix()}:2:" in str(caught.value)
     assert piece in str(caught.value)
 
 

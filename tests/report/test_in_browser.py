@@ -29,7 +29,6 @@ from rigctl.report.section import Section
 from rigctl.report.write import assemble
 
 HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
-AXE = Path(str(files("axe_playwright_python"))) / "axe.min.js"
 ALL_DRAWN = "[...document.querySelectorAll('.plot')].every(p => p.querySelector('.main-svg'))"
 UNFOLD = "document.querySelectorAll('details.fold').forEach(one => { one.open = true; })"
 RECORD_DRAWN = "document.querySelector('#record-plot .main-svg')"
@@ -198,7 +197,8 @@ def test_the_page_is_accessible(
     quiet.evaluate(UNFOLD)
     assert quiet.wait(ALL_DRAWN)
     assert quiet.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
-    quiet.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
+    axe = files("axe_playwright_python") / "axe.min.js"
+    quiet.evaluate(axe.read_text(encoding="utf-8") + "; 0")
     quiet.evaluate("axe.run({resultTypes: ['violations']}).then(found => { window.found = found; }); 0")
     assert quiet.wait("window.found")
     serious = "found.violations.filter(one => ['serious', 'critical'].includes(one.impact))"

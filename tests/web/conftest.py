@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,8 @@ def cookie(served: Served) -> str:
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     """The system's Chromium, once for all tests."""
+    if sys.platform == "win32":
+        pytest.skip("drives a browser, and Wine has none")
     from playwright.sync_api import sync_playwright
 
     switches = [one for one in SWITCHES if not one.startswith(("--headless", "--remote"))]

@@ -6,7 +6,6 @@ import json
 from typing import TYPE_CHECKING
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 
 from rigctl.dataset.catalogue import page_of_runs
 from web.serving import Served, Window
@@ -25,6 +24,8 @@ SETTLED = {
 
 def serious(page: Page) -> list[str]:
     """Serious findings of axe-core; the frame of a report has its own tests."""
+    from axe_playwright_python.sync_playwright import Axe  # not on Windows
+
     found = Axe().run(page, context={"exclude": [["iframe"]]}).response["violations"]
     return [
         f"{one['id']}: {node['html'][:120]} {json.dumps(node['any'][:1])[:200]}"

@@ -263,6 +263,8 @@ def _known_folders(runs: Path, text: str) -> list[Path]:
 
 def _by_start(text: str, runs: Path, folders: list[Path]) -> Path:
     if not folders:
-        raise RigctlError(f"there are no runs in {runs}", value=text, hint="'rigctl simulate' makes one")
+        raise RigctlError(
+            f"there are no runs in {runs.as_posix()}", value=text, hint="'rigctl simulate' makes one"
+        )
     by_id = {folder.name: folder for folder in folders}
     return by_id[chosen_id(text, list(by_id))]

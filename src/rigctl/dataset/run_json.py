@@ -42,7 +42,7 @@ def read_info(folder: Path) -> dict[str, Any]:
         raise RigctlError(f"no run: {problem.strerror}", where=Location(folder / NAME)) from problem
     except ValueError as problem:
         raise _damaged(folder / NAME, folder.name) from problem
-    info = _checked(text, f"{folder}{os.sep}{NAME}", folder.name)
+    info = _checked(text, f"{folder.as_posix()}/{NAME}", folder.name)
     require_own(folder, info["id"], folder / NAME)
     return info
 

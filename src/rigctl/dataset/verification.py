@@ -58,7 +58,7 @@ def verify(folder: Path) -> Verification:
     except RigctlError as problem:
         return Verification(folder.name, folder, Condition.BROKEN, tuple(str(problem).splitlines()))
     except OSError as problem:
-        said = f"{problem.filename}: cannot read the file: {problem.strerror}"
+        said = f"{Path(problem.filename).as_posix()}: cannot read the file: {problem.strerror}"
         return Verification(folder.name, folder, Condition.BROKEN, (said,))
     problems = _compare(folder, info)
     return Verification(folder.name, folder, Condition.BROKEN if problems else Condition.WHOLE, problems)
@@ -110,9 +110,8 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
         )
     if facts["damaged_lines"]:
         lines = ", ".join(str(line) for line in facts["damaged_lines"])
-        messages.append(
-            f"{folder / log.NAME}: what line {lines} said is lost; a record open then is 'damaged'"
-        )
+        path = (folder / log.NAME).as_posix()
+        messages.append(f"{path}: what line {lines} said is lost; a record open then is 'damaged'")
     return Verification(folder.name, folder, Condition.RECOVERED, tuple(messages))
 
 
@@ -121,16 +120,17 @@ def _compare(folder: Path, info: dict[str, Any]) -> tuple[str, ...]:
     problems = []
     for name, known in info.get("files", {}).items():
         path = folder / name
+        shown = path.as_posix()
         try:
             actual = run_json.file_facts(path)
         except FileNotFoundError:
-            problems.append(f"{path}: the file is missing")
+            problems.append(f"{shown}: the file is missing")
         except OSError as problem:
-            problems.append(f"{path}: cannot read the file: {problem.strerror}")
+            problems.append(f"{shown}: cannot read the file: {problem.strerror}")
         else:
             if actual != known:
                 problems.append(
-                    f"{path}: the file has changed since the run was closed "
+                    f"{shown}: the file has changed since the run was closed "
                     f"({known['bytes']} bytes then, {actual['bytes']} now)"
                 )
     return tuple(problems)

@@ -7,6 +7,8 @@ import os
 import stat
 from pathlib import Path
 
+from rigctl.files.reserved_names import device_named
+
 
 def read_bytes(path: Path) -> bytes:
     """Return the content of a regular file.
@@ -34,14 +36,18 @@ def read_text(path: Path, encoding: str = "utf-8", errors: str | None = None) ->
         return file.read()
 
 
-def regular(path: str, flags: int) -> int:
+def regular(path: str, flags: int, *, windows: bool = os.name == "nt") -> int:
     """An ``opener`` for `open` that refuses anything but a regular file: a pipe or a device may never end.
+
+    On Windows a file named like a device is not even opened: that would open the port, and restart its board.
 
     Raises
     ------
     OSError
         it cannot be opened, or it is a folder, a pipe or a device.
     """
+    if windows and (device := device_named(path)) is not None:
+        raise OSError(errno.EINVAL, f"{device!r} is a device on Windows, in every folder", path)
     descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # opening a pipe would block
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):

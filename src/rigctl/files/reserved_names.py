@@ -16,6 +16,12 @@ def is_reserved(name: str) -> bool:
     return name.partition(".")[0].rstrip().casefold() in _RESERVED
 
 
+def device_named(path: str) -> str | None:
+    """The device that Windows opens for a path, in whatever folder; None for a file."""
+    name = path.replace("\\", "/").rpartition("/")[2]
+    return name if is_reserved(name) else None
+
+
 def reserved_part(path: PurePath) -> str | None:
     """The first part of a path that is a device on Windows; None if it has none."""
     return next((part for part in path.parts if is_reserved(part)), None)

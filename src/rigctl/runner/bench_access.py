@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from rigctl.backends.fine_timers import fine_timers
 from rigctl.backends.protocol import Backend
 from rigctl.backends.registry import address_with, create_backend
 from rigctl.backends.transport.address import Address
@@ -116,11 +117,12 @@ def bench_options(
 def opened(rig: Rig, how: Access) -> Iterator[Backend]:
     """The open bench; closed again whatever happens before, during or after the run."""
     backend = create_backend(rig, how.backend, how.clock, how.options)
-    try:
-        backend.open()
-        yield backend
-    finally:
-        backend.close()
+    with fine_timers():
+        try:
+            backend.open()
+            yield backend
+        finally:
+            backend.close()
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from rigctl.backends.fine_timers import fine_timers
 from rigctl.backends.transport.adapter import same_adapter
 from rigctl.backends.transport.address import SERIAL, Address
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
@@ -236,7 +237,10 @@ def main() -> int:
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
-    with socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=10.0) as connection:
+    with (
+        fine_timers(),
+        socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=10.0) as connection,
+    ):
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         send_frame(connection, Frame.ALIVE, secret.encode("ascii"))
         orders = GuardSettings.from_json(_first(connection))

@@ -192,7 +192,7 @@ def _write_procedure(output: Path, result: DesignResult) -> None:
     from rigctl.files.write import write_text
 
     write_text(output, result.procedure)
-    echo(f"Wrote {output}", err=True)
+    echo(f"Wrote {output.as_posix()}", err=True)
 
 
 def _write_sheet(sheet: Path, result: DesignResult) -> None:
@@ -201,7 +201,7 @@ def _write_sheet(sheet: Path, result: DesignResult) -> None:
     from rigctl.files.write import write_new
 
     write_new(sheet, work_sheet(result).encode("utf-8"))
-    echo(f"Wrote {sheet}", err=True)
+    echo(f"Wrote {sheet.as_posix()}", err=True)
 
 
 def _write_page(runs: list[Run], page: Path, result: DesignResult, *, force: bool) -> None:

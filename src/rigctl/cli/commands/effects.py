@@ -147,7 +147,7 @@ def show(
     elif picture:
         echo("\nThe family has no 'standard_record' on which to draw what it changes.")
     if figure is not None:
-        echo(f"Wrote {figure}")
+        echo(f"Wrote {figure.as_posix()}")
 
 
 @app.command()

@@ -12,6 +12,7 @@ from rigctl.dataset.importing.formats.table import Heading, Labels, Part, Source
 from rigctl.dataset.importing.log_format import require_same_unit
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
+from rigctl.printable import shown_path
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ def _headings(sources: Sequence[Source], options: Options) -> tuple[Heading, ...
                 raise RigctlError(
                     f"{heading.name}: its unit is not the same in every file",
                     value=given or "no unit",
-                    expected=f"{wanted or 'no unit'} as in {first.where.file}",
+                    expected=f"{wanted or 'no unit'} as in {shown_path(first.where.file)}",
                     where=heading.where,
                 )
     return tuple(headings.values())
