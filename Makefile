@@ -70,7 +70,7 @@ MUTANTS ?=
 mutants: $(VENV)/.installed-dev
 	$(BIN)/python tools/mutants.py $(MUTANTS)
 
-# Tests on Windows' own Python under Wine, in .windows: the core, or what WINDOWS says, e.g. "tests/cli". It counts them.
+# Tests on Windows' own Python under Wine, in .windows: the core, or what WINDOWS says, e.g. "tests/cli" or "all". It counts them.
 WINDOWS ?=
 windows: $(VENV)/.installed-dev
 	tools/windows-under-wine tests $(WINDOWS)

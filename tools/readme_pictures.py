@@ -40,7 +40,7 @@ def terminal(printed: str) -> str:
     from rich.console import Console
     from rich.text import Text
 
-    text = printed.split("\nNext:")[0]  # the path of this environment
+    text = printed.split("\nNext:", maxsplit=1)[0]  # the path of this environment
     with open(os.devnull, "w", encoding="utf-8") as nothing:
         console = Console(record=True, width=_WIDTH, force_terminal=True, file=nothing)
         console.print("[bold]$ rigctl demo my-demo[/]")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.files.write import to_json, write_json, write_new, write_text
+from rigctl.files.write import move_folder, to_json, write_json, write_new, write_text
 
 
 def test_text_is_utf_8_with_plain_line_ends(tmp_path: Path) -> None:
@@ -137,10 +137,12 @@ def test_a_new_file_that_cannot_be_written_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def held_open(monkeypatch: pytest.MonkeyPatch, times: int, winerror: int = 5) -> list[Path]:
+def held_open(
+    monkeypatch: pytest.MonkeyPatch, times: int, winerror: int = 5, method: str = "replace"
+) -> list[Path]:
     """Renaming is refused as Windows does while a reader has the file open; returns the attempts."""
     attempts: list[Path] = []
-    rename = Path.replace
+    rename = getattr(Path, method)
 
     def refused(draft: Path, path: Path) -> Path:
         attempts.append(path)
@@ -148,9 +150,10 @@ def held_open(monkeypatch: pytest.MonkeyPatch, times: int, winerror: int = 5) ->
             problem = PermissionError(13, "Access is denied")
             problem.winerror = winerror  # type: ignore[attr-defined, unused-ignore]
             raise problem
-        return rename(draft, path)
+        renamed: Path = rename(draft, path)
+        return renamed
 
-    monkeypatch.setattr(Path, "replace", refused)
+    monkeypatch.setattr(Path, method, refused)
     return attempts
 
 
@@ -177,6 +180,26 @@ def test_replacing_a_file_held_open_for_good_fails_after_several_attempts(
         write_text(path, "new")
     assert 1 < len(attempts) < 20
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_folder_of_which_a_virus_scanner_has_a_file_open_is_moved_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "draft").mkdir()
+    (tmp_path / "draft" / "run.json").write_text("{}", encoding="utf-8")
+    attempts = held_open(monkeypatch, 3, method="rename")
+    assert move_folder(tmp_path / "draft", tmp_path / "run") == tmp_path / "run"
+    assert len(attempts) == 4
+    assert [entry.name for entry in tmp_path.rglob("*")] == ["run", "run.json"]
+
+
+def test_a_folder_is_not_moved_onto_another_one(tmp_path: Path) -> None:
+    for name in ("draft", "run"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.json").write_text(name, encoding="utf-8")
+    with pytest.raises(OSError, match="run"):
+        move_folder(tmp_path / "draft", tmp_path / "run")
+    assert (tmp_path / "run" / "run.json").read_text(encoding="utf-8") == "run"
 
 
 def test_a_refusal_for_another_reason_is_reported_at_once(

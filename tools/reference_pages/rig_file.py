@@ -15,10 +15,10 @@ from rigctl.rig.calibration import Calibration, Raw
 from rigctl.rig.channel import Channel
 from rigctl.rig.clock import Clock
 from rigctl.rig.limit import Limit
+from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.protocols.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.protocols.modbus import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
 from rigctl.rig.protocols.opcua import HeartbeatNode, IdentityNode, OpcUa, ReadNode, WrittenNode
-from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.rig import Backend, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
 from rigctl.rig.simulation import Simulation

@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import date
 from enum import Enum
@@ -85,10 +85,30 @@ def replace_file(draft: Path, path: Path, patience: float = 0.5) -> None:
     OSError
         it is refused for longer, or for another reason.
     """
+    _patiently(lambda: draft.replace(path), patience)
+
+
+def move_folder(folder: Path, target: Path, patience: float = 5.0) -> Path:
+    """Rename a folder of complete files; returns its new path.
+
+    Windows refuses this while any program has one of these files open, as a virus scanner or the index of a
+    search does with new ones: the renaming is retried for `patience` s.
+
+    Raises
+    ------
+    OSError
+        it is refused for longer, or for another reason: there is such a folder.
+    """
+    _patiently(lambda: folder.rename(target), patience)
+    return target
+
+
+def _patiently(rename: Callable[[], object], patience: float) -> None:
+    """Try until no other program has the file open, for at most `patience` s."""
     give_up = time.monotonic() + patience
     while True:
         try:
-            draft.replace(path)
+            rename()
         except OSError as problem:
             if getattr(problem, "winerror", None) not in _IN_USE or time.monotonic() >= give_up:
                 raise

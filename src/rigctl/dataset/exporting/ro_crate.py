@@ -22,7 +22,7 @@ from rigctl.dataset.outputs import require_output
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
-from rigctl.files.write import write_error
+from rigctl.files.write import move_folder, write_error
 from rigctl.printable import shown_path
 from rigctl.wording import number_of
 
@@ -123,7 +123,7 @@ def export_ro_crate(
                 _pack(draft, path)
             else:
                 draft.chmod(0o755)
-                draft.rename(path)
+                move_folder(draft, path)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
     return files

@@ -17,6 +17,7 @@ from typing import Final
 from rigctl.dataset.day_folders import folder_for
 from rigctl.dataset.recording.writer_lock import in_progress
 from rigctl.errors import Location, RigctlError
+from rigctl.files.write import move_folder
 
 #: prefix of unfinished folders; a dot hides them from the catalogue
 _PREFIX: Final = ".import-"
@@ -68,7 +69,7 @@ def publish(folder: Path, runs: Path) -> Path:
         target.parent.mkdir(exist_ok=True)
         if target.exists():  # an empty folder would be replaced
             raise FileExistsError(target)
-        return folder.rename(target)
+        return move_folder(folder, target)
     except OSError as problem:
         if not target.exists():
             raise RigctlError(

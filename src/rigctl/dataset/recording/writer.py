@@ -27,6 +27,7 @@ from rigctl.dataset.recording.writer_lock import FolderLock, lock_folder
 from rigctl.dataset.run_id import free_run_id
 from rigctl.dataset.run_json import RUNNING, read_info, write_info
 from rigctl.errors import ExitCode, Location, RigctlError, shorten
+from rigctl.files.write import move_folder
 from rigctl.plan.measured import MeasuredValue
 
 if TYPE_CHECKING:
@@ -432,7 +433,7 @@ def _make_folder(runs: Path, header: RunHeader) -> Path:
             (draft / log.NAME).write_bytes(line + b"\n")
             write_info(draft, {**named, "status": RUNNING, "reason": None})
             try:
-                return draft.rename(parent / run_id)
+                return move_folder(draft, parent / run_id)
             except OSError:
                 if not (parent / run_id).exists():
                     raise

@@ -18,7 +18,7 @@ from typing import Final
 
 from rigctl.engine.source import source_of
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.files.write import write_error
+from rigctl.files.write import replace_file, write_error
 from rigctl.model.fmu.description import model_description
 from rigctl.model.fmu.equations import equations_header
 from rigctl.model.inputs import input_values
@@ -205,6 +205,6 @@ def _write(path: Path, files: Mapping[str, bytes]) -> None:
                 entry.compress_type = zipfile.ZIP_DEFLATED
                 entry.external_attr = 0o644 << 16
                 archive.writestr(entry, content)
-        draft.replace(path)
+        replace_file(draft, path)
     finally:
         draft.unlink(missing_ok=True)
