@@ -32,8 +32,8 @@ def fine_timers(library: Any = None) -> Iterator[None]:
 
 
 def _multimedia() -> Any:
-    if sys.platform != "win32":
-        return None
-    import ctypes
+    if sys.platform == "win32":
+        import ctypes
 
-    return ctypes.WinDLL("winmm")
+        return ctypes.WinDLL("winmm")
+    return None
