@@ -20,8 +20,11 @@ from rigctl.files.version_suffix import split_version
 from rigctl.model.build import build_system, superset
 from rigctl.model.values import parameter_values
 from rigctl.notebook import as_html, one_line
+from rigctl.physics.families import using_families
 from rigctl.physics.family import ModelFamily
+from rigctl.physics.python_functions import Declared, UserFunction, family_from_functions
 from rigctl.physics.standing import STANDINGS, Standing, range_of
+from rigctl.rig.load import load_rig
 from rigctl.rig.rig import Rig
 
 if TYPE_CHECKING:
@@ -87,6 +90,48 @@ class Model:
     path: Path | None = None
     own_effects: tuple[Effect, ...] = ()
     text: str = ""
+
+    @classmethod
+    def from_function(
+        cls,
+        rates: UserFunction | None,
+        readings: UserFunction,
+        *,
+        rig: Rig | str | Path,
+        states: Mapping[str, Declared],
+        inputs: Mapping[str, Declared],
+        parameters: Mapping[str, Declared],
+        outputs: Mapping[str, str],
+        name: str = "python_model",
+    ) -> Model:
+        """A model whose equations are Python functions.
+
+        ``dx/dt = rates(t, x, u, p)``, ``y = readings(x, u, p)``. Both are called with symbols in place of SI
+        numbers, and have exact derivatives and compiled speed; states x, inputs u and parameters p are taken
+        by name, ``p.mass``. They return a dict by name, or values in the order declared.
+
+        Parameters
+        ----------
+        rates: None for a model without states.
+        rig: the bench, or its file, whose channels and actuators have the names of outputs and inputs.
+        states: the start of each, ``"0 V"``, or with a change that matters: ``("0 V", "0.01 V")``.
+        inputs: the value of each when nothing is commanded, with its unit.
+        parameters: ``"9.81 m/s^2"`` is exact; ``("2 ohm", "0.1 ohm", "50 ohm")`` is fitted within bounds.
+        outputs: the unit of each, ``"rad/s"``.
+
+        Raises
+        ------
+        RigctlError
+            a declaration is wrong, an equation has another dimension than its result, or a function fails,
+            branches on a symbol or depends on the time.
+        """
+        family = family_from_functions(
+            name, rates, readings, states=states, inputs=inputs, parameters=parameters, outputs=outputs
+        )
+        with using_families(family):
+            bench = rig if isinstance(rig, Rig) else load_rig(Path(rig))
+        free = {one.name: Value(one.value, fit=True) for one in family.parameters if not one.fixed}
+        return cls(family, bench, parameters=free)
 
     @property
     def name(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
-from typing import TYPE_CHECKING, Never, TypeAlias
+from typing import TYPE_CHECKING, Any, Never, TypeAlias
 
 from rigctl.errors import RigctlError
 from rigctl.units import Dimension
@@ -97,6 +97,12 @@ class Expr:
     def __rpow__(self, base: float) -> Never:
         raise varying_exponent(self)
 
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        """numpy's functions of symbols: see `rigctl.engine.symbols.numpy_functions`."""
+        from rigctl.engine.symbols.numpy_functions import of_symbols
+
+        return of_symbols(ufunc, method, inputs, options)
+
     def __eq__(self, other: object) -> bool:
         if isinstance(other, int | float):
             self._no_branch()
@@ -119,7 +125,9 @@ class Expr:
         if self.constant:
             return float(self.value)
         raise RigctlError(
-            "an expression is not a number", value=repr(self), hint="use evaluate(expr, values)"
+            "an expression is not a number",
+            value=repr(self),
+            hint="Take numpy's functions where math's were called; evaluate(expr, values) gives a number",
         )
 
     def __repr__(self) -> str:
