@@ -19,12 +19,19 @@ def one_line(kind: object, text: str) -> str:
     return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 2]}…>"
 
 
-def worded(result: object, how: str) -> dict[str, Any]:
-    """What the function `how` of `rigctl.answers.documents` makes of a result.
+def worded(result: object, how: str) -> str:
+    """What a function of `rigctl.answers`, ``module.function``, makes of a result.
 
     Results are worded above the rooms that compute them. A method that a user calls opens that room from
-    outside, as ``import rigctl`` opens all; nothing inside calls it.
+    outside, as ``import rigctl`` opens all.
     """
+    module, _, function = how.partition(".")
+    text: str = getattr(import_module(f"rigctl.answers.{module}"), function)(result)
+    return text
+
+
+def documented(result: object, how: str) -> dict[str, Any]:
+    """The document of a result that has sentences, from a function of `rigctl.answers.documents`."""
     document: dict[str, Any] = getattr(import_module("rigctl.answers.documents"), how)(result)
     return document
 

@@ -12,7 +12,7 @@ import pytest
 from made_fit import made_fit, made_noise
 from rigctl.analysis.agreement.adequacy import Adequacy, Test
 from rigctl.analysis.comparison import judge
-from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.conclusion import Doubt, conclude
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_model
@@ -21,10 +21,11 @@ from rigctl.analysis.linear.candidates import Candidate
 from rigctl.analysis.linear.score_test import Score
 from rigctl.analysis.search.judgement import verdict_on
 from rigctl.analysis.search.ranking import _factor, _ranked, _score_beside
+from rigctl.analysis.search.reasons import reasons_against
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.search import Search
-from rigctl.analysis.text import against_identity, verdict_text
+from rigctl.answers.verdict import worded
 from rigctl.effects.registry import library
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult
@@ -86,7 +87,7 @@ def test_a_set_with_an_error_below_the_noise_is_at_most_ambiguous_and_states_its
     little = {"plane": Test(25.0, 0.002, 10, 4.5), "chi2": REJECTS["chi2"]}
     search, best = searched(Adequacy(little, below_noise=True), (member("valve_leakage"),))
     assert search.sure(best)
-    left = Remainder(0.007, 2.0, 0.004, "", "", "", "0.7 % of the misfit is left", below_noise=True)
+    left = Remainder(0.007, 2.0, 0.004, "", "", "", below_noise=True)
     quiet = SimpleNamespace(problem=SimpleNamespace(noise=SimpleNamespace(channels=())), solution=None)
     best = cast(
         "RefittedSet",
@@ -95,12 +96,10 @@ def test_a_set_with_an_error_below_the_noise_is_at_most_ambiguous_and_states_its
     assert verdict_on(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
     assert verdict_on(search, best, [], {}, left) is Verdict.AMBIGUOUS
     chosen: Any = [(SimpleNamespace(effect=LEAK), SimpleNamespace(parameters={}))]
-    against = against_identity(best, {}, left)
-    said = verdict_text(
-        Verdict.AMBIGUOUS, cast("ModelComparison", None), chosen, [], left, {}, against=against
-    ).text
+    against = reasons_against(best, {}, left)
+    said = worded(conclude("ambiguous", chosen, [], left, {}, against=against)).text
     assert "the noise of these readings differs from the assumed one: " in said
-    assert said.endswith("That is not all: 0.7 % of the misfit is left")
+    assert said.endswith("That is not all: 0.7 % of the misfit is left (p = 0.004)")
     assert left.document()["below_noise"] is True
 
 
@@ -140,13 +139,18 @@ def test_a_member_whose_complement_cannot_be_fitted_is_ranked_with_its_own_param
 @pytest.mark.parametrize("verdict", [Verdict.ADEQUATE, Verdict.OUTSIDE_LIBRARY])
 def test_no_effect_is_added_while_it_is_undecided_whether_one_is_missing(verdict: Verdict) -> None:
     """The set improves the fit, but no version is saved on inconclusive data."""
-    doubt = "the error of every channel is within its noise"
     before = SimpleNamespace(adequate=False, explained_by=None)
-    found = cast("Diagnosis", SimpleNamespace(verdict=verdict, doubt=doubt, best=None, before=before))
+    found = cast(
+        "Diagnosis",
+        SimpleNamespace(verdict=verdict, doubt=Doubt("within_noise"), best=None, before=before, model="m"),
+    )
     assert _plan(found, 4) == []
     assert _why(found, 4) is ImprovementEnd.NOT_DECIDED
     said = Improvement(cast("Any", None), (), found, ImprovementEnd.NOT_DECIDED).statement
-    assert said == f"added nothing: these data cannot tell whether anything is missing: {doubt}"
+    assert said == (
+        "added nothing: these data cannot tell whether anything is missing: the error of every channel is "
+        "within its noise"
+    )
 
 
 def test_noise_assumed_three_times_too_large_is_taken_back() -> None:

@@ -8,15 +8,21 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+from rigctl.analysis.agreement.adequacy import Adequacy, Test
+from rigctl.analysis.conclusion import AsCompared
 from rigctl.analysis.diagnosis_result import Diagnosis, Exclusion, Verdict
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "json-answers.md"
 BEFORE: Any = SimpleNamespace(
-    statement="",
+    name="m",
+    rows=(),
+    where=(),
+    trends=(),
+    located=SimpleNamespace(suspicious=None),
     findings=(),
     adequate=True,
     channels=dict,
-    adequacy=SimpleNamespace(p_value=0.5, only_misread=False),
+    adequacy=Adequacy({"chi2": Test(0.0, 0.5)}),
     sensors=None,
     explained_by=None,
     bounds=(),
@@ -36,7 +42,7 @@ def diagnosis(excluded: tuple[Exclusion, ...]) -> Diagnosis:
         ranking=(),
         untestable=(),
         drift=(),
-        statement="",
+        conclusion=AsCompared(),
         evidence=(),
         held_out=(),
         notes=(),

@@ -337,7 +337,7 @@ def test_effects_that_improve_the_fit_only_together_are_added_together(
     """They nearly cancel: each alone gains 2 in χ², both together 200."""
     found = improved(made_design(PLAIN, alike(0.98)), {"alpha": 71.0, "beta": -71.0}, tmp_path, monkeypatch)
     assert [sorted(step.effects) for step in found.steps] == [["alpha", "beta"]]
-    assert "only together" in found.steps[0].reason
+    assert "only together" in found.steps[0].addition.reason
 
 
 def test_improve_adds_no_more_than_the_requested_number_of_effects(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rigctl.analysis.agreement.adequacy import chance, chance_text
+from rigctl.wording import chance, chance_text
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ EVERYTHING, ALL_BUT_LAW, LOCATION, NOTHING = (
     (True, False, False),
     (False, False, False),
 )
-LEFT = Remainder(0.01, 20.0, 1e-6, "", "", "", "1 % of the misfit is left")
+LEFT = Remainder(0.01, 20.0, 1e-6, "", "", "")
 KNOWN = library(find_family("hydraulic_cylinder"))
 #: over a variable; another law of it; at another location; a constant
 FRICTION, ITS_LAW = KNOWN["viscous_friction"], replace(KNOWN["viscous_friction"], name="its_law")
@@ -259,26 +259,26 @@ def judged(of_set: Verdict, **changed: Any) -> Judgement:
 
 
 def law(constant: bool, effect: str = "alpha") -> Any:
-    return SimpleNamespace(constant=constant, effect=effect, statement="a law")
+    return SimpleNamespace(constant=constant, effect=effect)
 
 
 def scatter(follows: bool) -> Any:
-    return SimpleNamespace(follows=follows, statement="a scatter")
+    return SimpleNamespace(follows=follows)
 
 
 @pytest.mark.parametrize(
     ("changed", "why"),
     [
         ({}, ()),
-        ({"every_law": [law(True)]}, ("a law",)),
+        ({"every_law": [law(True)]}, (law(True),)),
         ({"every_law": [law(False)]}, ()),
         ({"every_law": [law(True, "another")]}, ()),
-        ({"scatters": (scatter(True),)}, ("a scatter",)),
+        ({"scatters": (scatter(True),)}, (scatter(True),)),
         ({"scatters": (scatter(False),)}, ()),
     ],
 )
 def test_an_effect_whose_own_variable_does_not_matter_is_not_certain(
-    changed: Any, why: tuple[str, ...]
+    changed: Any, why: tuple[Any, ...]
 ) -> None:
     one = judged(Verdict.MISSING_EFFECT, **changed)
     assert one.undriven == why

@@ -18,6 +18,7 @@ from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.search.judgement import Judgement
+from rigctl.analysis.single_values.findings import SettingOffsets
 from rigctl.answers.blocks import Answer
 from rigctl.answers.comparison import comparison_answer, numbers
 from rigctl.answers.design import rival_tables
@@ -41,7 +42,7 @@ def diagnosis(model: ModelComparison) -> Diagnosis:
 
 def with_findings(model: ModelComparison, count: int) -> ModelComparison:
     located = replace(model.located)
-    vars(located)["findings"] = tuple(f"value {number} is off" for number in range(count))
+    vars(located)["findings"] = tuple(SettingOffsets(f"V{number}", "1", ()) for number in range(count))
     return replace(model, located=located)
 
 
@@ -64,10 +65,10 @@ def test_a_page_has_every_finding_and_a_terminal_the_first_two(
     five = with_findings(model, 5)
     for answer in (comparison_answer(comparison(five)), diagnosis_answer(replace(diagnosis, before=five))):
         drawn, told = page(answer), printed(answer, capsys)
-        assert all(f"Value {number} is off." in drawn for number in range(5))
+        assert all(f"The rows of each V{number} share" in drawn for number in range(5))
         assert "<summary>3 more findings</summary>" in drawn
-        assert "value 1 is off" in told
-        assert "value 2 is off" not in told
+        assert "each V1 share" in told
+        assert "each V2 share" not in told
     assert "1 more finding<" in page(comparison_answer(comparison(with_findings(model, 3))))
     assert "<details>" not in page(comparison_answer(comparison(with_findings(model, 2))))
 
@@ -90,10 +91,11 @@ def test_the_whole_diagnosis_says_where_the_files_of_laws_are(
     diagnosis: Diagnosis, capsys: pytest.CaptureFixture[str]
 ) -> None:
     law = SimpleNamespace(
-        statement="its law is a power",
+        effect="alpha",
+        power=None,
         differs=True,
         file=Path("effects/alpha.yaml"),
-        law=SimpleNamespace(asked=np.array([np.nan])),
+        law=SimpleNamespace(asked=np.array([np.nan]), differs=True, driver=SimpleNamespace(name="pressure")),
         assumed=np.zeros(1),
     )
     show(whole_diagnosis(replace(diagnosis, laws=cast("Any", (law,)))))
@@ -111,7 +113,7 @@ def test_the_whole_diagnosis_says_where_the_files_of_laws_are(
 def test_record_level_evidence_is_left_out_only_if_the_statement_has_it(
     verdict: Verdict, as_compared: bool, stated: bool
 ) -> None:
-    drifting = SimpleNamespace(statement="the zeros follow the temperature")
+    drifting = SimpleNamespace(evident=True)
     before = SimpleNamespace(
         adequacy=SimpleNamespace(agrees=False), record_level=(drifting,), suspicious=drifting
     )

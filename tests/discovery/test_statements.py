@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import pytest
 
+from rigctl.analysis.conclusion import Doubt
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.linear.cross_validation import CrossValidation
 from rigctl.answers.discovery import discovery_answer
@@ -39,7 +40,7 @@ def diagnosed(verdict: Verdict, *, only_misread: bool = False, **changed: Any) -
     said: dict[str, Any] = {
         "verdict": verdict,
         "before": before,
-        "doubt": "",
+        "doubt": None,
         "effects": (),
         "classes": (),
         "indistinguishable": (),
@@ -55,7 +56,12 @@ def diagnosed(verdict: Verdict, *, only_misread: bool = False, **changed: Any) -
     ("verdict", "changed", "reason", "words"),
     [
         (Verdict.ADEQUATE, {}, "adequate", "nothing to discover"),
-        (Verdict.OUTSIDE_LIBRARY, {"doubt": "the noise is a guess"}, "undecided", "the noise is a guess"),
+        (
+            Verdict.OUTSIDE_LIBRARY,
+            {"doubt": Doubt("within_noise"), "model": "m"},
+            "undecided",
+            "within its noise",
+        ),
         (
             Verdict.OUTSIDE_LIBRARY,
             {"only_misread": True, "statement": "T1 reads wrongly"},

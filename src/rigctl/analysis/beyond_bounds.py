@@ -15,7 +15,6 @@ from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.reached_bounds import beyond_written
 from rigctl.model.measured.standing import with_what_is_left
-from rigctl.units import show
 
 
 def agreeing_beyond(before: ModelComparison) -> ModelComparison | None:
@@ -31,6 +30,12 @@ def agreeing_beyond(before: ModelComparison) -> ModelComparison | None:
     return None
 
 
+def values_beyond(before: ModelComparison, beyond: ModelComparison) -> tuple[tuple[str, float, str], ...]:
+    """The parameters that a bound holds, with the values, SI, and units that they have beyond it."""
+    ended = {one.name: float(v) for one, v in zip(beyond.fit.problem.shared, beyond.fit.values, strict=True)}
+    return tuple((one.parameter, ended[one.parameter], one.unit) for one in before.bounds if one.decisive)
+
+
 def _fitted_beyond(fitted: FitResult) -> FitResult:
     """The fit with the bounds that hold it moved outwards, in the noise that it leaves then."""
     shared = beyond_written(fitted)
@@ -40,21 +45,3 @@ def _fitted_beyond(fitted: FitResult) -> FitResult:
         noise_in(wider), wider.problem.measurements, wider.outputs, wider.fitted, unknowns=wider.unknowns
     )
     return wider if left is None else fit_in_noise(wider, left)
-
-
-def beyond_text(before: ModelComparison, beyond: ModelComparison) -> str:
-    """``with heat_capacity at 220 J/K, beyond its bound, oven agrees …: nothing else need be missing``."""
-    ended = {one.name: float(v) for one, v in zip(beyond.fit.problem.shared, beyond.fit.values, strict=True)}
-    values = " and ".join(
-        f"{one.parameter} at {show(ended[one.parameter], one.unit)}" for one in before.bounds if one.decisive
-    )
-    return (
-        f"with {values}, beyond its bound, {before.name} agrees with the measurements: nothing else need be "
-        "missing"
-    )
-
-
-def wider_bounds_text(before: ModelComparison) -> str:
-    """What to do: ``wider bounds of heat_capacity in its file; or, if they are right, …``."""
-    names = " and ".join(one.parameter for one in before.bounds if one.decisive)
-    return f"wider bounds of {names} in its file; or, if they are right, a model with another effect"

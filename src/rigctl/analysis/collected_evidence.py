@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from rigctl.analysis.decision_levels import ALIKE, ALPHA, LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.analysis.diagnosis_result import Drift, Ranked, Verdict
-from rigctl.analysis.evidence import Evidence
+from rigctl.analysis.evidence import Evidence, Finding, Quantity
 from rigctl.analysis.linear.cross_validation import CrossValidation
 from rigctl.analysis.linear.power import hidden_at_typical_size
 from rigctl.analysis.search.judgement import Judgement
@@ -27,7 +26,7 @@ def collected_evidence(judgement: Judgement, members: Mapping[str, Ranked]) -> l
     evidence: list[Evidence] = []
     if before.adequacy.agrees and (hidden := hidden_at_typical_size(before.projected)):
         total = len({candidate.name for candidate in before.projected.linearisation.candidates})
-        evidence.append(Evidence("", (), "power", len(hidden), total, hidden))
+        evidence.append(Evidence("", (), "power", len(hidden), total, tuple(hidden)))
     # the statement of a verdict that names nothing is that of the comparison which is shown
     stated = (
         before.suspicious if judgement.shown is before and judgement.verdict is Verdict.ADEQUATE else None
@@ -35,7 +34,7 @@ def collected_evidence(judgement: Judgement, members: Mapping[str, Ranked]) -> l
     evidence += [
         Evidence("", (), "record_level", finding=one, stated=one is stated)
         for one in before.record_level
-        if one.statement
+        if one.evident
     ]
     for name, ranked in members.items():
         evidence += evidence_for(
@@ -52,7 +51,7 @@ def collected_evidence(judgement: Judgement, members: Mapping[str, Ranked]) -> l
         evidence += [
             Evidence("", (one.effect,), "scatter", one.width, finding=one)
             for one in judgement.scatters
-            if one.statement and not one.follows
+            if one.asked and not one.follows
         ]
         evidence += _sensor_error(judgement)
     return evidence
@@ -71,8 +70,14 @@ def evidence_for(
 ) -> list[Evidence]:
     """The evidence for or against an effect, one of `several` or the only one."""
 
-    def of(side: bool, *rest: Any) -> Evidence:
-        return Evidence("for" if side else "against", (name,), *rest)
+    def of(
+        side: bool,
+        quantity: Quantity,
+        value: float,
+        threshold: float = math.nan,
+        finding: Finding = None,
+    ) -> Evidence:
+        return Evidence("for" if side else "against", (name,), quantity, value, threshold, finding)
 
     together = several and ranked.score_p_value > ALPHA
     evidence = [

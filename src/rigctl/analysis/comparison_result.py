@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from rigctl.analysis.agreement.adequacy import Adequacy, chance_text
+from rigctl.analysis.agreement.adequacy import Adequacy
 from rigctl.analysis.agreement.localisation import CellMap, Place
 from rigctl.analysis.agreement.located_error import LocatedError
 from rigctl.analysis.agreement.record_level import RecordQuantity
-from rigctl.analysis.agreement.sensors import SensorBudget, documents
+from rigctl.analysis.agreement.sensors import SensorBudget
 from rigctl.analysis.agreement.slot_evidence import SlotEvidence
 from rigctl.analysis.agreement.trends import Trend
-from rigctl.analysis.agreement.uncertainty_budget import uncertainty_budgets
-from rigctl.analysis.agreement.undecided import what_decides
+from rigctl.analysis.agreement.undecided import Decision, what_decides
 from rigctl.analysis.linear.linearisation import Linearisation
 from rigctl.analysis.linear.nuisance_projection import Projected
 from rigctl.analysis.linear.score_test import Screening
 from rigctl.analysis.linear.slopes import KnownSlopes
+from rigctl.analysis.single_values.findings import Finding
 from rigctl.analysis.single_values.rows import TableRow
 from rigctl.json_values import finite_or_none
 from rigctl.model.curve_bands import CurveBand
-from rigctl.model.fit.assumptions import conditional_document, conditional_numbers
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -36,8 +34,9 @@ from rigctl.model.measured.record import Measurements
 from rigctl.model.reading_errors import CLOCK
 from rigctl.model.validity import Departure, departures
 from rigctl.noise import ChannelNoise
-from rigctl.notebook import as_html, one_line
-from rigctl.units import parse_unit, significant
+from rigctl.notebook import as_html, documented, one_line, worded
+from rigctl.units import parse_unit
+from rigctl.wording import chance_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,8 +118,8 @@ class ModelComparison:
         return self.located.rows
 
     @property
-    def findings(self) -> tuple[str, ...]:
-        """What the rows of a table show, a sentence each."""
+    def findings(self) -> tuple[Finding, ...]:
+        """What the rows of a table show."""
         return self.located.findings
 
     @property
@@ -169,21 +168,7 @@ class ModelComparison:
     @property
     def statement(self) -> str:
         """The result in one plain sentence."""
-        if self.sensors is not None and self.adequacy.only_misread:
-            return (
-                f"{self.sensors.beyond_text}; with that error {self.name} agrees with the measurements "
-                "within their noise"
-            )
-        if self.explained_by and self.sensors is not None and self.exact is not None:
-            rejected = self.exact.adequacy.verdict is False
-            chance = chance_text(self.exact.adequacy.p_value)
-            exact = f"it would not ({chance})" if rejected else "that is not decided"
-            return (
-                f"{self.name} agrees with the measurements within their noise and the stated "
-                f"{offset_of_clock(self.explained_by)}: {self.sensors.explanation}. "
-                f"With exact {self.sensors.exact} {exact}"
-            )
-        return self.located.statement
+        return worded(self, "agreement.statement")
 
     @property
     def sensors(self) -> SensorBudget | None:
@@ -208,18 +193,13 @@ class ModelComparison:
         return self.adequacy.adequate
 
     @cached_property
-    def decided_by(self) -> tuple[str, ...]:
+    def decided_by(self) -> tuple[Decision, ...]:
         """What would tell slow noise from a missing effect; empty if that is decided."""
         if self.exact is not None and self.sensors is not None:
             return self.sensors.recalibration
         if not self.adequacy.undecided or self.adequacy.unusable:
             return ()
         return what_decides(self.fit, self.adequacy.unproven)
-
-    @property
-    def in_brief(self) -> tuple[str, ...]:
-        """One line for each channel: its error, the noise, and the share of its variance explained (R²)."""
-        return tuple(_in_brief(name, one) for name, one in self.channels().items())
 
     def channels(self) -> dict[str, dict[str, Any]]:
         """The errors by channel, in the channels' units."""
@@ -233,47 +213,7 @@ class ModelComparison:
 
     def document(self) -> dict[str, Any]:
         """Its part of the machine-readable answer."""
-        tests = {
-            name: {"statistic": test.statistic, "p_value": test.p_value, "freedom": test.dof}
-            for name, test in self.adequacy.tests.items()
-        }
-        given = conditional_numbers(self.fit)
-        parameters = {
-            unknown.name: {
-                "value": float(value),
-                "unit": unknown.unit,
-                "std": finite_or_none(self.fit.reported_std.get(unknown.name, 0.0)),
-                **conditional_document(given.get(unknown.name), unknown.unit),
-            }
-            for unknown, value in zip(self.fit.problem.shared, self.fit.values, strict=True)
-        }
-        return {
-            "model": self.name,
-            "adequate": self.adequacy.verdict,
-            "unproven": list(self.adequacy.unproven),
-            "decided_by": list(self.decided_by),
-            "explained_by": self.explained_by,
-            **documents(self.sensors),
-            "below_noise": self.adequacy.below_noise,
-            "p_value": self.adequacy.p_value,
-            "tests": tests,
-            "chi2_reduced": finite_or_none(self.fit.chi2_reduced),
-            "channels": self.channels(),
-            "parameters": parameters,
-            "bounds": [one.document() for one in self.bounds],
-            "undetermined": [one.document() for one in self.undetermined],
-            "uncertainty_budget": [one.document() for one in uncertainty_budgets(self.fit)],
-            "where": [place.document() for place in self.where],
-            "trends": [trend.document() for trend in self.trends],
-            "slots": [slot.document() for slot in self.slots],
-            "rows": [row.document() for row in self.rows],
-            "findings": list(self.findings),
-            "record_level": [row for quantity in self.record_level for row in quantity.rows()],
-            "record_level_summary": [quantity.document() for quantity in self.record_level],
-            "outside_validity": [one.document() for one in self.outside],
-            "curve_bands": [one.document() for one in self.curve_bands],
-            "statement": self.statement,
-        }
+        return documented(self, "comparison_document")
 
 
 @dataclass(frozen=True)
@@ -381,26 +321,6 @@ def _channel(
         "r2": finite_or_none(error.r2),
         "heldout_rmse": None if held_out is None else in_unit(held_out, unit)["rmse"],
     }
-
-
-def _in_brief(name: str, one: Mapping[str, Any]) -> str:
-    """``speed: error 0.45 rad/s, white noise 0.024 rad/s, fit 93.1 % (R²)``."""
-    share = one["noise_share"]
-    white = one["noise_source"] == "floor"
-    what = "white noise" if white else "guessed noise" if one["noise_standing"] == "guess" else "noise"
-    bound = "at most " if white and not one["noise_plateau"] else ""
-    noise = f"{significant(100.0 * share, 2)} %" if share else f"{significant(one['noise'], 2)} {one['unit']}"
-    text = f"{name}: error {significant(one['rmse'], 3)} {one['unit']}, {what} {bound}{noise}"
-    if one["noise_stated"]:
-        text += f", stated {significant(one['noise_stated'], 2)} {one['unit']}"
-    return text if one["r2"] is None else f"{text}, fit {_per_cent(one['r2'])} (R²)"
-
-
-def _per_cent(share: float) -> str:
-    """A share of a variance: ``67 %``, with more digits close to 100 %, where they matter."""
-    rest = 100.0 * (1.0 - share)
-    digits = min(6, max(0, -math.floor(math.log10(rest)))) if 0.0 < rest < 1.0 else 0
-    return f"{100.0 * share:.{digits}f} %"
 
 
 def _growth(noise: ChannelNoise, unit: str) -> dict[str, Any] | None:

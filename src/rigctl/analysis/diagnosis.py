@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
-from rigctl.analysis.agreement.adequacy import chance_text
-from rigctl.analysis.agreement.undecided import unproven_text, what_decides
+from rigctl.analysis.agreement.undecided import Decision, WiderBounds, what_decides
 from rigctl.analysis.agreement.untestable import untestable
-from rigctl.analysis.beyond_bounds import agreeing_beyond, beyond_text, wider_bounds_text
+from rigctl.analysis.beyond_bounds import agreeing_beyond, values_beyond
 from rigctl.analysis.collected_evidence import collected_evidence, drift_evidence
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
+from rigctl.analysis.conclusion import (
+    AsCompared,
+    Conclusion,
+    Doubt,
+    MostlyWithinTolerance,
+    NotProven,
+    Outcome,
+    WithinTolerance,
+    conclude,
+    whether_at_all,
+)
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
-from rigctl.analysis.evidence import Evidence
+from rigctl.analysis.evidence import Evidence, IfExact
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
 from rigctl.analysis.laws.answer import LawAnswer, laws_instead
 from rigctl.analysis.linear.candidates import Candidate
 from rigctl.analysis.search.judgement import Judgement, agrees_within_tolerance, judge_set
 from rigctl.analysis.search.ranking import most_visible, ranking_of
 from rigctl.analysis.search.refit import RefittedSet, plain
-from rigctl.analysis.search.remainder import share_text
 from rigctl.analysis.search.repeated_fit import from_another_start, in_scale_of
 from rigctl.analysis.search.search import Search, require_number_of_effects
 from rigctl.analysis.single_values.remarks import table_remarks
-from rigctl.analysis.text import (
-    Statement,
-    verdict_text,
-    whether_at_all,
-)
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
@@ -42,6 +45,12 @@ from rigctl.units import parse_unit
 _SHOWN = 12
 #: how often the scale of the errors may be reduced to what the nearest set leaves
 _SCALES = 3
+#: what each verdict that something is missing concludes of the best set
+_OUTCOMES: Mapping[Verdict, Outcome] = {
+    Verdict.MISSING_EFFECT: "missing",
+    Verdict.AMBIGUOUS: "ambiguous",
+    Verdict.OUTSIDE_LIBRARY: "outside",
+}
 #: share of an effect's signature that unrecorded inputs can reproduce, above which they hide it
 _MOSTLY = 0.5
 
@@ -120,9 +129,8 @@ def diagnose_comparison(
     remarks = table_remarks(before, best, judgement.rivals, verdict, ranking, search.alone)
     sensor = before.adequacy.only_misread
     undecided = (verdict is Verdict.OUTSIDE_LIBRARY and not sensor) or before.adequacy.below_noise
-    doubt = whether_at_all(before) if undecided else ""
+    doubt = whether_at_all(before) if undecided else None
     drift = _drift(before, best)
-    statement = _statement(judgement, ranking, doubt)
     exact = _with_exact_sensors(before, most, on_progress)
     diagnosis = Diagnosis(
         runs=tuple(runs),
@@ -134,8 +142,7 @@ def diagnose_comparison(
         ranking=tuple(ranking),
         untestable=tuple(untestable(before)),
         drift=tuple(drift),
-        statement=remarks.statement or statement.text,
-        opening=statement.opening,
+        conclusion=remarks.conclusion or _conclusion(judgement, ranking),
         evidence=(
             *collected_evidence(judgement, {member.name: one for member, one in _members(best, ranking)}),
             *_with_exact(before, exact),
@@ -148,7 +155,6 @@ def diagnose_comparison(
         best=best,
         trials=tuple(search.trials.values()),
         excluded=remarks.excluded,
-        excluded_because=remarks.why,
         next_steps=remarks.next_steps,
         p_value_after=(search.at(best) if best.candidates else before).adequacy.p_value,
         unproven_after=_unproven_after(search, best),
@@ -188,7 +194,6 @@ def _undecided_by_bound(
     notes: Sequence[Note],
 ) -> Diagnosis:
     """The diagnosis of a model that agrees beyond a bound that a user wrote: no effect is looked for."""
-    text = beyond_text(before, beyond)
     return Diagnosis(
         runs=tuple(runs),
         model=before.name,
@@ -199,8 +204,7 @@ def _undecided_by_bound(
         ranking=(),
         untestable=tuple(untestable(before)),
         drift=(),
-        statement=text,
-        opening=text,
+        conclusion=AsCompared(),
         evidence=(),
         held_out=tuple(held_out),
         notes=tuple(notes),
@@ -208,12 +212,12 @@ def _undecided_by_bound(
         best=plain(before.fit),
         trials=(),
         p_value_after=before.adequacy.p_value,
-        doubt=text,
-        decided_by=(wider_bounds_text(before),),
+        doubt=Doubt("beyond_bounds", values=values_beyond(before, beyond)),
+        decided_by=(WiderBounds(tuple(one.parameter for one in before.bounds if one.decisive)),),
     )
 
 
-def _decided_by(before: ModelComparison, verdict: Verdict) -> tuple[str, ...]:
+def _decided_by(before: ModelComparison, verdict: Verdict) -> tuple[Decision, ...]:
     """What would decide what is open: slow noise or an effect, a sensor or an effect."""
     if before.adequacy.unusable:
         return ()
@@ -235,30 +239,29 @@ def _with_exact(before: ModelComparison, exact: Diagnosis | None) -> list[Eviden
     """The verdict that exact sensors would have."""
     if exact is None or before.sensors is None:
         return []
-    return [Evidence("", exact.effects, "exact_sensors", finding=(before.sensors, exact))]
+    return [Evidence("", exact.effects, "exact_sensors", finding=IfExact(before.sensors, exact))]
 
 
-def _statement(judgement: Judgement, ranking: Sequence[Ranked], doubt: str) -> Statement:
-    """The verdict in words."""
-    search, best = judgement.search, judgement.best
-    if judgement.verdict is Verdict.OUTSIDE_LIBRARY and judgement.shown.adequacy.only_misread:
-        return Statement(judgement.shown.statement, judgement.shown.statement)
-    shape = "" if search.in_own_scale else _shape_alone(search) or _shape_mostly(search, best)
-    if shape:
-        return Statement(shape, shape)
-    if search.in_own_scale and judgement.verdict is Verdict.OUTSIDE_LIBRARY:
-        text = unproven_text(judgement.shown.fit, best.fit if best.candidates else None, best.effects)
-        return Statement(text, text)
-    return verdict_text(
-        judgement.verdict,
-        judgement.shown,
+def _conclusion(judgement: Judgement, ranking: Sequence[Ranked]) -> Conclusion:
+    """The conclusion: that of the comparison, of the laws' tolerance, or of the best set."""
+    search, best, verdict = judgement.search, judgement.best, judgement.verdict
+    if verdict is Verdict.OUTSIDE_LIBRARY and judgement.shown.adequacy.only_misread:
+        return AsCompared()
+    tolerated = None if search.in_own_scale else _tolerated(search, best)
+    if tolerated is not None:
+        return tolerated
+    if search.in_own_scale and verdict is Verdict.OUTSIDE_LIBRARY:
+        return NotProven()
+    if verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
+        return AsCompared()
+    return conclude(
+        _OUTCOMES[verdict],
         _members(best, ranking),
         judgement.rivals,
         judgement.remaining,
         judgement.checks,
         most_visible(search, ranking) if not best.candidates else None,
-        [*judgement.against, *judgement.undriven],
-        doubt,
+        (*judgement.against, *judgement.undriven),
         search.allowed,
     )
 
@@ -331,39 +334,20 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
     return search, best
 
 
-def _shape_alone(search: Search) -> str:
-    """The sentence that the misfit is within the shape tolerance of the model's effects; "" if not."""
-    if search.before.adequate or not agrees_within_tolerance(search):
-        return ""
-    return (
-        "Nothing more is missing that these data show: the model does not agree with the measurements "
-        f"({chance_text(search.before.adequacy.p_value)}), but what is left is within "
-        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, by which a bench may deviate "
-        "from it"
-    )
-
-
-def _shape_mostly(search: Search, best: RefittedSet) -> str:
-    """The sentence that a further effect explains little beyond the model's shape tolerance; else ""."""
-    if best.candidates or not search.has_discrepancies or agrees_within_tolerance(search):
-        return ""
+def _tolerated(search: Search, best: RefittedSet) -> WithinTolerance | MostlyWithinTolerance | None:
+    """That the misfit, or most of it, is within the shape tolerance of the model's effects; None if not."""
+    laws = tuple(search.before.fit.problem.model.with_laws)
+    if agrees_within_tolerance(search):
+        return None if search.before.adequate else WithinTolerance(laws, search.before.adequacy.p_value)
+    if best.candidates or not search.has_discrepancies:
+        return None
     paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.none)]
     if not paying:
-        return ""
+        return None
     nearest = min(paying, key=search.mbic)
     explained = search.none.chi2 - nearest.chi2
     beyond = max(search.evidence(search.none) - search.evidence(nearest), 0.0) / explained
-    return (
-        "Something is missing, but these data do not show what. Most of it is within "
-        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, by which a bench may deviate from "
-        f"it; not all of it is. The nearest in the library is {' and '.join(nearest.effects)}, but such "
-        f"deviations explain all but {share_text(beyond)} of what it explains"
-    )
-
-
-def _laws_of(search: Search) -> str:
-    """The effects already in the model, in words."""
-    return " and ".join(search.before.fit.problem.model.with_laws)
+    return MostlyWithinTolerance(laws, nearest.effects, beyond)
 
 
 def _drift(before: ModelComparison, best: RefittedSet) -> list[Drift]:

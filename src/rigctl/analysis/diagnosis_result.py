@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.agreement.sensors import SensorBudget, sensor_budget
 from rigctl.analysis.agreement.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
+from rigctl.analysis.agreement.undecided import Decision
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.comparison_result import ModelComparison, offset_of_clock
 from rigctl.analysis.evidence import Evidence
@@ -26,11 +27,14 @@ from rigctl.model.fit.undetermined import first_statements
 from rigctl.model.measured.note import Note
 from rigctl.model.reading_errors import CLOCK
 from rigctl.model.validity import Departure
-from rigctl.notebook import as_html, one_line, worded
+from rigctl.notebook import as_html, documented, one_line, worded
 from rigctl.units import parse_unit, significant, with_uncertainty
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rigctl.analysis.conclusion import Conclusion, Doubt
+    from rigctl.analysis.single_values.next_values import NextStep
 
 
 @dataclass(frozen=True)
@@ -191,7 +195,7 @@ class Diagnosis:
     ranking: effects by probability, the most probable first.
     untestable: effects that these data cannot test, with what would make them testable.
     drift: changes of the fitted parameters.
-    statement: the verdict in words, of which `opening` is the first clause or two, with the effects by name.
+    conclusion: how the verdict was reached, with what is uncertain about the effects.
     evidence: for and against it.
     before: the model as given.
     best: the fit with `effects`.
@@ -199,8 +203,8 @@ class Diagnosis:
     unproven_after: channels whose errors with the best set are not shown to be noise.
     remainder: what the best set leaves; None if the tests find nothing any more, or there is no set.
     doubt: why these data cannot tell whether anything is missing: for `OUTSIDE_LIBRARY`, for `ADEQUATE` if a
-        test rejects a model whose error is below the noise, and for `UNDECIDED` by a bound; "" if they can.
-    excluded: for a table, effects that cannot by themselves be what is missing; `excluded_because` in words.
+        test rejects a model whose error is below the noise, and for `UNDECIDED` by a bound; None if they can.
+    excluded: for a table, effects that cannot by themselves be what is missing.
     next_steps: for a table, what to measure next.
     levels: for each of `effects`, how far the answer goes: its location, its explanatory variables, its law.
     laws: for each of `effects`, and for those already in the model, the law as estimated from the data.
@@ -225,7 +229,7 @@ class Diagnosis:
     ranking: tuple[Ranked, ...]
     untestable: tuple[tuple[str, str], ...]
     drift: tuple[Drift, ...]
-    statement: str
+    conclusion: Conclusion
     evidence: tuple[Evidence, ...]
     held_out: tuple[str, ...]
     notes: tuple[Note, ...]
@@ -235,20 +239,23 @@ class Diagnosis:
     p_value_after: float = math.nan
     unproven_after: tuple[str, ...] = ()
     excluded: tuple[Exclusion, ...] = ()
-    excluded_because: tuple[str, ...] = ()
-    next_steps: tuple[str, ...] = ()
+    next_steps: tuple[NextStep, ...] = ()
     remainder: Remainder | None = None
-    doubt: str = ""
+    doubt: Doubt | None = None
     levels: tuple[Levels, ...] = ()
     laws: tuple[LawAnswer, ...] = ()
     outside: tuple[Departure, ...] = ()
     next_experiment: Mapping[str, Any] | None = None
     bootstrap: Bootstrap | None = None
     unconfirmed: tuple[str, ...] = ()
-    opening: str = ""
-    decided_by: tuple[str, ...] = ()
+    decided_by: tuple[Decision, ...] = ()
     with_exact_sensors: Diagnosis | None = field(default=None, repr=False)
     if_exact: Evidence | None = None
+
+    @property
+    def statement(self) -> str:
+        """The verdict in words."""
+        return worded(self, "verdict.statement")
 
     @property
     def slot(self) -> str:
@@ -299,13 +306,6 @@ class Diagnosis:
         }[self.verdict]
 
     @property
-    def remainder_text(self) -> str:
-        """The remainder in words if the statement does not include it already; else ""."""
-        if self.remainder is None or self.verdict is not Verdict.OUTSIDE_LIBRARY:
-            return ""
-        return self.remainder.statement
-
-    @property
     def further_evidence(self) -> tuple[Evidence, ...]:
         """The evidence that the statement does not include already."""
         return tuple(one for one in self.evidence if not one.stated)
@@ -324,19 +324,13 @@ class Diagnosis:
         return sensor_budget(self.best.fit) if self.effects else self.before.sensors
 
     @property
-    def sensors_beside(self) -> str:
-        """The errors of sensors without which the named effects would leave more, in words; "" if none."""
-        sensors = self.sensors if self.effects else None
-        return sensors.explanation if sensors is not None and sensors.matters else ""
-
-    @property
     def budgets(self) -> tuple[UncertaintyBudget, ...]:
         """What makes the fitted numbers uncertain, with the effects that are named."""
         return uncertainty_budgets(self.best.fit if self.effects else self.before.fit)
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
-        return worded(self, "diagnosis_document")
+        return documented(self, "diagnosis_document")
 
     def summary(self) -> str:
         """The verdict in a few lines."""

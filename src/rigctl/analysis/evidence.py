@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from rigctl.analysis.agreement.record_level import RecordQuantity
+from rigctl.analysis.agreement.sensors import SensorBudget
+from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.linear.size_scatter import SizeScatter
+from rigctl.analysis.search.identity import Levels
+from rigctl.analysis.search.rivals import Rival
+
+if TYPE_CHECKING:
+    from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked
 
 Quantity = Literal[
     "power",
@@ -26,6 +36,21 @@ Quantity = Literal[
 
 
 @dataclass(frozen=True)
+class IfExact:
+    """What would be missing if the sensors that have these errors were exact."""
+
+    sensors: SensorBudget
+    diagnosis: Diagnosis
+
+
+#: the result that has the rest of a piece of evidence; names of effects, or of a parameter
+Finding: TypeAlias = (
+    "tuple[str, ...] | str | RecordQuantity | Ranked | CrossValidation | Rival | Levels | SizeScatter"
+    " | SensorBudget | IfExact | Drift | None"
+)
+
+
+@dataclass(frozen=True)
 class Evidence:
     """A piece of evidence.
 
@@ -43,5 +68,5 @@ class Evidence:
     quantity: Quantity
     value: float = math.nan
     threshold: float = math.nan
-    finding: Any = field(default=None, repr=False)
+    finding: Finding = field(default=None, repr=False)
     stated: bool = False

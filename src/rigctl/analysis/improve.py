@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
+from rigctl.analysis.conclusion import Member
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
@@ -18,12 +19,11 @@ from rigctl.analysis.held_out import unseen
 from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.analysis.linear.block_validation import leave_blocks_out
 from rigctl.analysis.linear.candidates import Candidate, require_known
-from rigctl.analysis.search.own_scale import not_a_sensor
+from rigctl.analysis.search.own_scale import TooLargeForSensor, not_a_sensor
 from rigctl.analysis.search.ranking import found_parameters
 from rigctl.analysis.search.refit import RefittedSet, refit
 from rigctl.analysis.search.refitted_sets import RefittedSets
 from rigctl.analysis.search.search import require_number_of_effects
-from rigctl.analysis.text import effect_text
 from rigctl.argument_types import checks_argument_types
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.model_error import model_error
@@ -31,7 +31,7 @@ from rigctl.model.history.change import Change, ModelError
 from rigctl.model.history.save import save_version
 from rigctl.model.history.version import Version
 from rigctl.model.load import load_model
-from rigctl.notebook import as_html, one_line, worded
+from rigctl.notebook import as_html, documented, one_line, worded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,14 +50,54 @@ class ImprovementEnd(StrEnum):
 
 
 @dataclass(frozen=True)
+class Addition:
+    """What is added, and what is uncertain about it.
+
+    Attributes
+    ----------
+    members: the effects added; more than one if they improve mBIC only together.
+    following: the effects of the best set that are added after it.
+    unusual: their parameters outside their usual range, as `RefittedSet.unusual` names them.
+    alike: effects that these data do not distinguish from one of them.
+    nearest: they are only the nearest of the library.
+    """
+
+    members: tuple[Member, ...]
+    following: tuple[str, ...]
+    unusual: tuple[str, ...]
+    alike: tuple[str, ...]
+    nearest: bool
+
+    @property
+    def reason(self) -> str:
+        """Why these effects, in words."""
+        return worded(self, "improvement.reason_text")
+
+
+@dataclass(frozen=True)
+class NotImproved:
+    """Effects with which the error does not fall on data outside the fit.
+
+    These are the `records` held out, the conditions left out in turn, or blocks of time.
+    """
+
+    effects: tuple[str, ...]
+    where: Literal["held_out", "conditions", "blocks"]
+    records: int = 0
+
+
+#: why an effect that lowers mBIC is not added
+Refusal: TypeAlias = TooLargeForSensor | NotImproved
+
+
+@dataclass(frozen=True)
 class Step:
     """One addition.
 
     Attributes
     ----------
-    effects: the effects added; more than one if they improve mBIC only together.
+    effects: the effects added, of `addition`.
     diagnosis: of the model before it; later ones lack the laws of the effects that the model has.
-    reason: why these effects, in words; it says so if these data cannot distinguish them from others.
     delta_bic: mBIC with them less mBIC without.
     before, after: the error.
     version: the version of the model that was saved with them.
@@ -66,7 +106,7 @@ class Step:
 
     effects: tuple[str, ...]
     diagnosis: Diagnosis = field(repr=False)
-    reason: str
+    addition: Addition = field(repr=False)
     delta_bic: float
     before: ModelError
     after: ModelError
@@ -78,7 +118,7 @@ class Step:
         return {
             "effects": list(self.effects),
             "verdict": self.diagnosis.verdict.value,
-            "reason": self.reason,
+            "reason": self.addition.reason,
             "delta_bic": self.delta_bic,
             "version": self.version.number,
             "before": self.before.document(),
@@ -98,7 +138,7 @@ class Improvement:
     last: the diagnosis of the final model.
     ended: why nothing more was added.
     unseen: the final model on the records that were held out, and on those that were not selected.
-    reason: why the next effect was not added, if that is why the loop ended; else "".
+    refused: why the next effect was not added, if that is why the loop ended.
     """
 
     model: Path
@@ -106,7 +146,7 @@ class Improvement:
     last: Diagnosis
     ended: ImprovementEnd
     unseen: tuple[HeldOutGroup, ...] = ()
-    reason: str = ""
+    refused: Refusal | None = None
 
     @property
     def first(self) -> Diagnosis:
@@ -116,33 +156,11 @@ class Improvement:
     @property
     def statement(self) -> str:
         """One sentence: the effects added, and why the loop ended."""
-        names = [name for step in self.steps for name in step.effects]
-        added = f"added {', '.join(names)}" if names else "added nothing"
-        if self.last.before.explained_by and not self.last.effects:
-            return f"{added}: {self.last.statement}"
-        agrees = f"the model {'now ' if names else ''}agrees with the measurements within their noise"
-        if not self.last.before.adequate:
-            agrees = (
-                "what is left may be the shape of a law alone: the model still does not agree with the "
-                "measurements"
-            )
-        why = {
-            ImprovementEnd.ADEQUATE: agrees,
-            ImprovementEnd.NOTHING_HELPS: "no further effect of the library lowers mBIC, and the model still "
-            "does not agree with the measurements",
-            ImprovementEnd.NOT_DECIDED: "these data cannot tell whether anything "
-            f"{'more ' if names else ''}is missing: {self.last.doubt or 'it may be slow noise'}",
-            ImprovementEnd.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree "
-            "with the measurements",
-            ImprovementEnd.NOT_SURE: "no further effect is certain to be what is missing",
-            ImprovementEnd.NOT_PREDICTED: f"{self.reason}, so that it is not added",
-            ImprovementEnd.IMPLAUSIBLE: f"{self.reason}, so that it is not added",
-        }[self.ended]
-        return f"{added}: {why}"
+        return worded(self, "improvement.statement")
 
     def document(self) -> dict[str, Any]:
         """The answer of the first diagnosis, with the additions and the diagnosis of the result."""
-        return worded(self, "improvement_document")
+        return documented(self, "improvement_document")
 
     def __repr__(self) -> str:
         """The additions, on one line."""
@@ -172,7 +190,7 @@ class Improvement:
 
     def summary(self) -> str:
         """One line for each step, and how it ended."""
-        lines = [f"version {step.version.number}: {step.reason}" for step in self.steps]
+        lines = [f"version {step.version.number}: {step.addition.reason}" for step in self.steps]
         return "\n".join([*lines, self.statement, *(one.statement for one in self.unseen)])
 
 
@@ -226,8 +244,9 @@ def improve(
         if not this.plan:
             elsewhere = unseen(compared, current, on_progress=on_progress)
             ended = ImprovementEnd.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
-            ended, reason = this.refused or (ended, "")
-            return Improvement(Path(path), tuple(steps), diagnosis, ended, elsewhere, reason)
+            refused = this.refused
+            ended = ended if refused is None else _ENDS[type(refused)]
+            return Improvement(Path(path), tuple(steps), diagnosis, ended, elsewhere, refused)
         for chosen in this.plan:
             report(f"Adding {' and '.join(chosen.effects)}")
             after = _compared(current, chosen.trial, excluded, report)
@@ -243,7 +262,7 @@ class _Choice:
     trial: RefittedSet
     effects: tuple[str, ...]
     delta_bic: float
-    reason: str
+    addition: Addition
 
 
 @dataclass
@@ -256,7 +275,7 @@ class _Round:
     unless: Callable[[Diagnosis], bool]
     unsure: bool = False
     plan: list[_Choice] = field(default_factory=list)
-    refused: tuple[ImprovementEnd, str] | None = None
+    refused: Refusal | None = None
 
     def shown(self, diagnosis: Diagnosis) -> bool:
         """Plan the additions; whether this is the first or the last diagnosis, whose laws are shown."""
@@ -273,37 +292,38 @@ class _Round:
         return self.first or not self.plan
 
 
-def refusal(
-    diagnosis: Diagnosis, trial: RefittedSet, effects: Sequence[str]
-) -> tuple[ImprovementEnd, str] | None:
+_ENDS: Mapping[type[Refusal], ImprovementEnd] = {
+    TooLargeForSensor: ImprovementEnd.IMPLAUSIBLE,
+    NotImproved: ImprovementEnd.NOT_PREDICTED,
+}
+
+
+def refusal(diagnosis: Diagnosis, trial: RefittedSet, effects: Sequence[str]) -> Refusal | None:
     """Why effects are not added although they lower mBIC; None if they may be.
 
     A size that nothing of their kind has; or an error that does not fall on data outside the fit: on the
     records that were held out, else on the conditions left out in turn, or on blocks of time and the second
     half of every record where only the floor of the noise is known or no condition can be left out.
     """
-    names = " and ".join(effects)
     absurd = not_a_sensor(trial)
     if absurd:
-        return ImprovementEnd.IMPLAUSIBLE, absurd[0]
+        return absurd[0]
     before = diagnosis.before.fit
     if before.held_out:
         worse = _held_out_squares(trial.fit) >= _held_out_squares(before)
-        where = f"the {len(before.held_out)} records held out"
+        outside = NotImproved(tuple(effects), "held_out", len(before.held_out))
     else:
         own = bool(before.problem.noise.own_scale)
         shown = [one for one in diagnosis.ranking if one.effect in effects]
         conditions = [one for one in shown if math.isfinite(one.heldout_before)]
         if conditions and not own:
             worse = any(one.heldout_after > one.heldout_before for one in conditions)
-            where = "conditions left out of the fit"
+            outside = NotImproved(tuple(effects), "conditions")
         else:
             blocks = leave_blocks_out(before, trial.fit, ahead=True)
             worse = blocks is not None and not (blocks.falls and (blocks.passed or not own))
-            where = "blocks of time left out of the fit"
-    if not worse:
-        return None
-    return ImprovementEnd.NOT_PREDICTED, f"{names} does not improve the prediction of {where}"
+            outside = NotImproved(tuple(effects), "blocks")
+    return outside if worse else None
 
 
 def _held_out_squares(fitted: FitResult) -> float:
@@ -329,13 +349,13 @@ def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
     first = min((one for one in singles if one is not None), key=sets.mbic, default=None)
     if first is None or sets.mbic(first) >= nothing:
         difference = sets.mbic(best) - nothing
-        return [_Choice(best, best.effects, difference, _reason(diagnosis, best, best.effects))]
+        return [_Choice(best, best.effects, difference, _addition(diagnosis, best, best.effects))]
     gained = sets.mbic(first) - nothing
     rest = tuple(name for name in best.effects if name not in first.effects)
     more = sets.mbic(best) - sets.mbic(first)
     return [
-        _Choice(first, first.effects, gained, _reason(diagnosis, first, first.effects)),
-        _Choice(best, rest, more, _reason(diagnosis, best, rest)),
+        _Choice(first, first.effects, gained, _addition(diagnosis, first, first.effects)),
+        _Choice(best, rest, more, _addition(diagnosis, best, rest)),
     ]
 
 
@@ -345,29 +365,21 @@ def _single(diagnosis: Diagnosis, member: Candidate) -> RefittedSet | None:
     return known[0] if known else refit(diagnosis.before.fit, (member,))
 
 
-def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...]) -> str:
-    """Why `effects`, the new ones in `trial`, are added."""
-    described = ". ".join(
-        effect_text(candidate.effect, found_parameters(trial, candidate))
-        for candidate in trial.candidates
-        if candidate.name in effects
+def _addition(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...]) -> Addition:
+    """What there is to say of `effects`, the new ones in `trial`."""
+    alike = [names for names in diagnosis.classes if len(names) > 1 and set(names) & set(effects)]
+    later = len(diagnosis.best.effects) > len(trial.effects)
+    return Addition(
+        members=tuple(
+            (candidate.effect, found_parameters(trial, candidate))
+            for candidate in trial.candidates
+            if candidate.name in effects
+        ),
+        following=tuple(name for name in diagnosis.best.effects if later and name not in trial.effects),
+        unusual=tuple(text for name, text in trial.unusual.items() if name in effects),
+        alike=alike[0][1:] if alike else (),
+        nearest=diagnosis.verdict is Verdict.OUTSIDE_LIBRARY,
     )
-    text = f"{described}. They help only together" if len(effects) > 1 else described
-    if len(diagnosis.best.effects) > len(trial.effects):
-        rest = ", ".join(name for name in diagnosis.best.effects if name not in trial.effects)
-        text += f". No other effect gains as much alone; {rest} follows"
-    unusual = [text for name, text in trial.unusual.items() if name in effects]
-    if unusual:
-        text += f". It fits only with its {', and its '.join(unusual)}"
-    classes = [names for names in diagnosis.classes if len(names) > 1 and set(names) & set(effects)]
-    if classes:
-        text += f". These data cannot tell it from {', '.join(classes[0][1:])}: it is the most probable"
-    if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
-        text += (
-            ". Something else may be missing as well, its law may have a different shape, or it is only the "
-            "nearest in the library"
-        )
-    return text
 
 
 def _why(diagnosis: Diagnosis, room: int) -> ImprovementEnd:
@@ -407,14 +419,14 @@ def _saved(
         assume=choice.assume,
         before=before_error,
         after=after_error,
-        note=chosen.reason,
+        note=chosen.addition.reason,
     )
     model = replace(after.fit.model, text=load_model(source).text)
     version = save_version(model, source, change)
     return Step(
         chosen.effects,
         diagnosis,
-        chosen.reason,
+        chosen.addition,
         chosen.delta_bic,
         before_error,
         after_error,

@@ -7,10 +7,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from rigctl.analysis.agreement.adequacy import chance
 from rigctl.analysis.agreement.localisation import Place
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, SLOT_SEPARABLE
+from rigctl.answers import table_findings
+from rigctl.answers.agreement import prior_text, record_level_text
 from rigctl.answers.blocks import (
     Answer,
     Bar,
@@ -26,7 +27,8 @@ from rigctl.answers.blocks import (
     counted,
     nonempty,
 )
-from rigctl.answers.errors import error_text, fit_text, held_out_text, noise_known_from, pattern_of
+from rigctl.answers.decisions import decisions
+from rigctl.answers.errors import error_text, fit_text, held_out_text, in_brief, noise_known_from, pattern_of
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.numbers import resolved
 from rigctl.answers.systematic import falls, left_of
@@ -34,7 +36,7 @@ from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure
 from rigctl.physics.family import ModelFamily
 from rigctl.units import significant
-from rigctl.wording import number_of
+from rigctl.wording import chance, number_of
 
 _TONES: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
 _TITLES = {True: "Agrees", False: "Does not agree", None: "Cannot tell"}
@@ -75,7 +77,7 @@ def comparison_answer(comparison: Comparison) -> Answer:
         facts += [("mostly at", _most(last)), ("lacks", "" if last.bounded else _wanted(last))]
     held_out = ("held out", held_out_text([model.fit for model in models]))
     facts.insert(len(models) + 1 if len(models) > 1 else len(facts), held_out)
-    facts.append(("decided by", "; or ".join(last.decided_by)))
+    facts.append(("decided by", "; or ".join(decisions(last.decided_by))))
     return Answer(
         _TONES[verdict],
         _TITLES[verdict],
@@ -105,7 +107,7 @@ def comparison_evidence(comparison: Comparison) -> tuple[Block, ...]:
     return (
         *verdicts,
         *numbers(comparison),
-        *(Points.of("", [f"decided by: {one}"]) for one in last.decided_by),
+        *(Points.of("", [f"decided by: {one}"]) for one in decisions(last.decided_by)),
         *where(last),
     )
 
@@ -131,13 +133,13 @@ def departures(outside: Sequence[Departure]) -> list[Block]:
 
 def findings(model: ModelComparison, most: int | None = None) -> list[Block]:
     """What the values of a table can tell."""
-    shown = model.findings[:most]
+    shown = table_findings.findings(model.findings[:most])
     return [Points.of("what these data can and cannot tell", shown, titled=False)] if shown else []
 
 
 def further_findings(model: ModelComparison) -> tuple[Block, ...]:
     """The findings that an answer leaves out."""
-    rest = model.findings[MOST_FINDINGS:]
+    rest = table_findings.findings(model.findings[MOST_FINDINGS:])
     return (Details(number_of(len(rest), "more finding"), (Points.of("", rest),)),) if rest else ()
 
 
@@ -157,7 +159,7 @@ def _numbers_of(model: ModelComparison, caption: str) -> list[Block]:
     tables: list[Block] = [_channels(model), _tests(model), *_record_level(model)]
     return [
         *(replace(one, caption=caption) if isinstance(one, Table) else one for one in tables),
-        *([] if model.rows else [Points.of(caption, model.in_brief)]),
+        *([] if model.rows else [Points.of(caption, in_brief(model))]),
     ]
 
 
@@ -315,7 +317,7 @@ def _record_level(model: ModelComparison) -> list[Block]:
     rows = tuple(
         {
             "meaning": one.meaning,
-            "prior": one.prior,
+            "prior": prior_text(one),
             "lowest": one.shown(float(one.values.min())),
             "mean": one.shown(float(one.values.mean())),
             "highest": one.shown(float(one.values.max())),
@@ -323,8 +325,10 @@ def _record_level(model: ModelComparison) -> list[Block]:
         }
         for one in model.record_level
     )
-    suspicious = frozenset(k for k, one in enumerate(model.record_level) if one.statement)
-    said = [one.statement for one in model.record_level if one.statement and one is not model.suspicious]
+    suspicious = frozenset(k for k, one in enumerate(model.record_level) if one.evident)
+    said = [
+        record_level_text(one) for one in model.record_level if one.evident and one is not model.suspicious
+    ]
     return [
         Table(columns, rows, strong=suspicious),
         *(Sentence(text[0].upper() + text[1:]) for text in said),

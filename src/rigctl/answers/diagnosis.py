@@ -7,13 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.agreement.adequacy import chance, chance_text
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.laws.answer import LawAnswer
-from rigctl.analysis.search.remainder import share_text, strength
-from rigctl.analysis.text import in_words, parameters_text
+from rigctl.answers import table_findings
 from rigctl.answers.blocks import (
     Answer,
     Block,
@@ -34,15 +32,20 @@ from rigctl.answers.comparison import (
     further_findings,
     place_in_words,
 )
-from rigctl.answers.errors import error_text, fit_text, pattern_of
+from rigctl.answers.decisions import decisions
+from rigctl.answers.errors import error_text, fit_text, in_brief, pattern_of
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import certain, points, sentence, would_be_missing
+from rigctl.answers.laws import law_text
 from rigctl.answers.notes import all_notes, routine, unusual
+from rigctl.answers.reasons import remainder_text
+from rigctl.answers.sensor_errors import explanation
 from rigctl.answers.systematic import falls, left_of, lefts_of_diagnosis
+from rigctl.answers.verdict import doubt_text, opening, parameters_text, statement
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.units import known_digits, parse_unit, significant
-from rigctl.wording import listed, number_of
+from rigctl.wording import chance, chance_text, listed, number_of, share_text, strength
 
 _TONES: dict[Verdict, Tone] = {
     Verdict.ADEQUATE: "good",
@@ -77,9 +80,9 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
             ("error", _error(diagnosis)),
             ("left", _left(diagnosis)),
         ]
-    laws = [one.statement for one in diagnosis.laws if one.differs]
+    laws = [law_text(one) for one in diagnosis.laws if one.differs]
     facts.append(("its law", laws[0] if laws else ""))
-    facts.append(("decided by", "; or ".join(diagnosis.decided_by)))
+    facts.append(("decided by", "; or ".join(decisions(diagnosis.decided_by))))
     facts.append(("sensors", _sensors(diagnosis)))
     unsure = diagnosis.doubt or diagnosis.if_exact or diagnosis.with_exact_sensors is not None
     return Answer(
@@ -134,9 +137,9 @@ def whole_diagnosis(diagnosis: Diagnosis) -> tuple[Block, ...]:
     tone = "open" if diagnosis.doubt else _TONES[diagnosis.verdict]
     return (
         *(Sentence(text, "warn", main=True) for text in diagnosis.first),
-        Sentence(diagnosis.statement, tone, _title(diagnosis) if _headed(diagnosis) else "", main=True),
-        *([] if before.rows else [Points.of("", before.in_brief)]),
-        *([Points.of("", [f"decided by: {one}" for one in diagnosis.decided_by])]),
+        Sentence(statement(diagnosis), tone, _title(diagnosis) if _headed(diagnosis) else "", main=True),
+        *([] if before.rows else [Points.of("", in_brief(before))]),
+        *([Points.of("", [f"decided by: {one}" for one in decisions(diagnosis.decided_by)])]),
         *departures(diagnosis.outside),
         *all_notes(diagnosis.notes),
         *findings(before),
@@ -150,16 +153,16 @@ def diagnosis_evidence(diagnosis: Diagnosis) -> tuple[Block, ...]:
     before, adequate = diagnosis.before, diagnosis.verdict is Verdict.ADEQUATE
     slot = diagnosis.slot if not before.rows else ""
     blocks: list[Block] = []
-    if diagnosis.remainder_text:
-        blocks.append(Sentence(diagnosis.remainder_text))
+    if diagnosis.remainder is not None and diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
+        blocks.append(Sentence(remainder_text(diagnosis.remainder)))  # the statement of others has it
     if diagnosis.ranking and not adequate:
         blocks.append(_ranking(diagnosis))
     blocks.append(_weighed(diagnosis, adequate=adequate))
     alike = [f"these data cannot tell apart: {', '.join(names)}" for names in diagnosis.classes if names[1:]]
     if alike and not adequate:
         blocks.append(Points.of("", alike))
-    if diagnosis.excluded_because and not adequate:
-        blocks.append(Points.of("what is excluded", diagnosis.excluded_because, titled=False))
+    if not adequate and (excluded := table_findings.exclusions(diagnosis)):
+        blocks.append(Points.of("what is excluded", excluded, titled=False))
     if slot and not adequate:
         place = place_in_words(slot, before.fit.problem.model.family)
         blocks.append(Points.of("", [f"the equation that most probably lacks a term: {place}"]))
@@ -184,7 +187,7 @@ def _weighed(diagnosis: Diagnosis, *, adequate: bool) -> Points:
 
 def _next_steps(diagnosis: Diagnosis, most: int | None = None) -> list[Block]:
     steps = diagnosis.next_steps[:most]
-    return [Points.of("what to measure next", steps)] if steps else []
+    return [Points.of("what to measure next", table_findings.next_steps(steps))] if steps else []
 
 
 def _ranking(diagnosis: Diagnosis) -> Table:
@@ -253,7 +256,7 @@ def _laws(laws: Sequence[LawAnswer]) -> list[Block]:
     """What the data show about the laws of the effects, and where the file of a better one is."""
     if not laws:
         return []
-    said = tuple(Point(one.statement, "!" if one.differs else "") for one in laws)
+    said = tuple(Point(law_text(one), "!" if one.differs else "") for one in laws)
     return [Points("laws of the effects", said), *(Figure(key, text) for key, text in law_figures(laws))]
 
 
@@ -309,7 +312,8 @@ def _sensors(diagnosis: Diagnosis) -> str:
     """Their errors beside what is named, or what exact ones would show where errors explain it as well."""
     exact = diagnosis.with_exact_sensors
     if exact is None:
-        beside = f"beside it, {diagnosis.sensors_beside}" if diagnosis.sensors_beside else ""
+        sensors = diagnosis.sensors if diagnosis.effects else None
+        beside = f"beside it, {explanation(sensors)}" if sensors is not None and sensors.matters else ""
         if_exact = "" if diagnosis.if_exact is None else sentence(diagnosis.if_exact)
         return "; ".join(one for one in (beside, if_exact) if one)
     return f"if they were exact, {would_be_missing(exact)}"
@@ -336,18 +340,18 @@ def sentence_of(diagnosis: Diagnosis, *, others_follow: bool = True) -> str:
     Effects that the data cannot distinguish are only counted where others follow, each in a line of its own.
     """
     if diagnosis.verdict is Verdict.UNDECIDED and diagnosis.before.bounded:
-        return diagnosis.statement
+        return statement(diagnosis)
     if diagnosis.doubt:
-        return f"{diagnosis.doubt}: these data cannot tell whether anything is missing"
+        return f"{doubt_text(diagnosis)}: these data cannot tell whether anything is missing"
     if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
-        return diagnosis.statement
+        return statement(diagnosis)
     if diagnosis.verdict is Verdict.MISSING_EFFECT:
         return ". ".join(one.effect.summary.rstrip(".") for one in diagnosis.best.candidates)
     if close := _close(diagnosis):
         counted = len(close) == 1 == len(diagnosis.effects) and others_follow
         chosen = f"these data cannot tell which of {len(close[0])} effects it is"
         return f"something is missing, and {chosen if counted else alike_text(diagnosis)}"
-    return diagnosis.opening
+    return opening(diagnosis)
 
 
 def _close(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -376,7 +380,7 @@ def _others(diagnosis: Diagnosis) -> list[str]:
 def _named(diagnosis: Diagnosis, effect: str) -> str:
     """An effect as a sentence with its name."""
     known = library(diagnosis.best.fit.problem.model.family)
-    return in_words(known[effect]) if effect in known else effect
+    return known[effect].described if effect in known else effect
 
 
 def _size_head(diagnosis: Diagnosis) -> str:
@@ -397,7 +401,7 @@ def _sizes(diagnosis: Diagnosis) -> str:
     parts = []
     for one in chosen:
         text = size_text(diagnosis, named[one.name])
-        said = in_words(one.effect)
+        said = one.effect.described
         parts.append(text if alone else f"{said}, {text}" if text else said)
     return "; and ".join(parts)
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from rigctl.analysis.agreement.adequacy import chance, chance_text
-from rigctl.analysis.search.remainder import strength
 from rigctl.answers.blocks import Answer, Block, Column, Figure, Point, Points, Sentence, Table, counted
 from rigctl.answers.notes import all_notes
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.units import show, significant
+from rigctl.wording import chance, chance_text, strength
 
 #: places that are listed, and formulas that the answer names
 _PLACES, _FORMULAS = 6, 3

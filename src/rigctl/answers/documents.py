@@ -5,10 +5,62 @@ from __future__ import annotations
 from typing import Any
 
 from rigctl.analysis.agreement.sensors import documents
+from rigctl.analysis.agreement.uncertainty_budget import uncertainty_budgets
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import Improvement
+from rigctl.answers import agreement, table_findings
+from rigctl.answers import improvement as improved
+from rigctl.answers.decisions import decisions
 from rigctl.answers.evidence import sentence
+from rigctl.answers.verdict import doubt_text, statement
 from rigctl.json_values import finite_or_none
+from rigctl.model.fit.assumptions import conditional_document, conditional_numbers
+
+
+def comparison_document(model: ModelComparison) -> dict[str, Any]:
+    """The part of one model in the machine-readable answer."""
+    tests = {
+        name: {"statistic": test.statistic, "p_value": test.p_value, "freedom": test.dof}
+        for name, test in model.adequacy.tests.items()
+    }
+    given = conditional_numbers(model.fit)
+    parameters = {
+        unknown.name: {
+            "value": float(value),
+            "unit": unknown.unit,
+            "std": finite_or_none(model.fit.reported_std.get(unknown.name, 0.0)),
+            **conditional_document(given.get(unknown.name), unknown.unit),
+        }
+        for unknown, value in zip(model.fit.problem.shared, model.fit.values, strict=True)
+    }
+    return {
+        "model": model.name,
+        "adequate": model.adequacy.verdict,
+        "unproven": list(model.adequacy.unproven),
+        "decided_by": decisions(model.decided_by),
+        "explained_by": model.explained_by,
+        **documents(model.sensors),
+        "below_noise": model.adequacy.below_noise,
+        "p_value": model.adequacy.p_value,
+        "tests": tests,
+        "chi2_reduced": finite_or_none(model.fit.chi2_reduced),
+        "channels": model.channels(),
+        "parameters": parameters,
+        "bounds": [one.document() for one in model.bounds],
+        "undetermined": [one.document() for one in model.undetermined],
+        "uncertainty_budget": [one.document() for one in uncertainty_budgets(model.fit)],
+        "where": [place.document() for place in model.where],
+        "trends": [trend.document() for trend in model.trends],
+        "slots": [slot.document() for slot in model.slots],
+        "rows": [row.document() for row in model.rows],
+        "findings": table_findings.findings(model.findings),
+        "record_level": [row for quantity in model.record_level for row in quantity.rows()],
+        "record_level_summary": [quantity.document() for quantity in model.record_level],
+        "outside_validity": [one.document() for one in model.outside],
+        "curve_bands": [one.document() for one in model.curve_bands],
+        "statement": agreement.statement(model),
+    }
 
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -25,8 +77,8 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "indistinguishable": [list(pair) for pair in diagnosis.indistinguishable],
         "ranking": [one.document() for one in diagnosis.ranking],
         "remainder": None if diagnosis.remainder is None else diagnosis.remainder.document(),
-        "doubt": diagnosis.doubt,
-        "decided_by": list(diagnosis.decided_by),
+        "doubt": doubt_text(diagnosis),
+        "decided_by": decisions(diagnosis.decided_by),
         "bounds": [one.document() for one in diagnosis.bounds],
         "undetermined": [one.document() for one in diagnosis.before.undetermined],
         "uncertainty_budget": [one.document() for one in diagnosis.budgets],
@@ -48,11 +100,11 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             }
             for d in diagnosis.drift
         ],
-        "where": {"slot": diagnosis.slot, "statement": diagnosis.before.statement},
+        "where": {"slot": diagnosis.slot, "statement": agreement.statement(diagnosis.before)},
         "excluded": [one.document() for one in diagnosis.excluded],
-        "excluded_because": list(diagnosis.excluded_because),
-        "findings": list(diagnosis.before.findings),
-        "next_steps": list(diagnosis.next_steps),
+        "excluded_because": table_findings.exclusions(diagnosis),
+        "findings": table_findings.findings(diagnosis.before.findings),
+        "next_steps": table_findings.next_steps(diagnosis.next_steps),
         "next_experiment": None if diagnosis.next_experiment is None else dict(diagnosis.next_experiment),
         "bootstrap": None if diagnosis.bootstrap is None else diagnosis.bootstrap.document(),
         "outside_validity": [one.document() for one in diagnosis.outside],
@@ -62,7 +114,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "held_out": list(diagnosis.held_out),
         "evidence": list(map(sentence, diagnosis.evidence)),
         "notes": list(map(str, diagnosis.notes)),
-        "statement": diagnosis.statement,
+        "statement": statement(diagnosis),
     }
 
 
@@ -72,8 +124,8 @@ def improvement_document(improvement: Improvement) -> dict[str, Any]:
         **diagnosis_document(improvement.first),
         "steps": [step.document() for step in improvement.steps],
         "ended": improvement.ended.value,
-        "improvement": improvement.statement,
-        "reason": improvement.reason,
+        "improvement": improved.statement(improvement),
+        "reason": improved.refusal_text(improvement),
         "after": diagnosis_document(improvement.last) if improvement.steps else None,
         "unseen": [one.document() for one in improvement.unseen],
     }

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Literal
+from typing import Literal, TypeVar
 
-from rigctl.analysis.agreement.adequacy import chance_text
+from rigctl.analysis.agreement.record_level import RecordQuantity
+from rigctl.analysis.agreement.sensors import SensorBudget
 from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, LEAST_SEPARATION, ODDS, TOLERANCE
-from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.analysis.evidence import Evidence, Quantity
+from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
+from rigctl.analysis.evidence import Evidence, IfExact, Quantity
+from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.linear.size_scatter import SizeScatter
 from rigctl.analysis.search.identity import Levels
-from rigctl.analysis.search.remainder import share_text
 from rigctl.analysis.search.rivals import Differs, Rival
-from rigctl.analysis.text import largest_difference
+from rigctl.answers.agreement import record_level_text
 from rigctl.answers.blocks import Point
+from rigctl.answers.reasons import scatter_text
+from rigctl.answers.sensor_errors import beyond_text, exact_text
+from rigctl.answers.verdict import largest_difference
 from rigctl.effects.record_level import RECORD
+from rigctl.wording import chance_text, share_text
 
 #: least difference of cosines between phases that is stated
 _UNLIKE = 0.15
@@ -34,6 +40,15 @@ def points(evidence: Iterable[Evidence]) -> tuple[Point, ...]:
 _MARKS: Mapping[str, Literal["+", "-", ""]] = {"for": "+", "against": "-", "": ""}
 
 
+_T = TypeVar("_T")
+
+
+def _found(one: Evidence, kind: type[_T]) -> _T:
+    """The result behind a piece of evidence, of the kind that its quantity has."""
+    assert isinstance(one.finding, kind)  # noqa: S101 - `Evidence` is made with both
+    return one.finding
+
+
 def _power(one: Evidence) -> str:
     """Effects that an adequate fit to these data does not exclude."""
     if one.value > one.threshold / 2:
@@ -42,12 +57,12 @@ def _power(one: Evidence) -> str:
             "library might not be seen in them at their typical size; record at more temperatures, pressures "
             "and with repeats"
         )
-    return f"might not be seen in these data at their typical size: {', '.join(one.finding)}"
+    return f"might not be seen in these data at their typical size: {', '.join(_found(one, tuple))}"
 
 
 def _size(one: Evidence) -> str:
     """Its size relative to the noise, and whether it is significant in the model as given."""
-    p = one.finding.score_p_value
+    p = _found(one, Ranked).score_p_value
     text = f"it stands out from the noise by {one.value:.1f} sigma"
     if one.quantity == "joint_size":
         return (
@@ -65,7 +80,7 @@ def _mbic(one: Evidence) -> str:
 
 
 def _left_out_error(one: Evidence) -> str:
-    check = one.finding
+    check = _found(one, CrossValidation)
     return (
         f"on conditions left out one at a time the normalised error changes from {one.threshold:.4g} to "
         f"{one.value:.4g} ({check.folds} folds, mean gain {check.mean:.1f} ± {check.error:.1f})"
@@ -76,7 +91,7 @@ def _absorbed(one: Evidence) -> str:
     what = (
         "variation from record to record (of settings, zeros, times and initial states)"
         if one.finding == RECORD
-        else f"the fitted {one.finding}"
+        else f"the fitted {_found(one, str)}"
     )
     left = f"{100 * one.value:.0f} %"
     return f"{what} imitates it to within {left} of its size; the verdict rests on the remaining {left}"
@@ -134,7 +149,7 @@ def _left_alone(one: Evidence) -> str:
 
 def _levels(one: Evidence) -> str:
     """The certain levels if the law is not one."""
-    levels: Levels = one.finding
+    levels = _found(one, Levels)
     if not levels.driver_sure:
         return f"Certain is the location, {_term(levels)}, but not what it depends on"
     if not levels.driver:
@@ -163,12 +178,12 @@ def _term(levels: Levels) -> str:
 
 
 def _sensor_error(one: Evidence) -> str:
-    return f"the model would agree without it if {one.finding.beyond_text}"
+    return f"the model would agree without it if {beyond_text(_found(one, SensorBudget))}"
 
 
 def _exact_sensors(one: Evidence) -> str:
-    sensors, exact = one.finding
-    return f"with exact {sensors.exact}, {would_be_missing(exact)}"
+    exact = _found(one, IfExact)
+    return f"with exact {exact_text(exact.sensors)}, {would_be_missing(exact.diagnosis)}"
 
 
 def would_be_missing(exact: Diagnosis) -> str:
@@ -193,24 +208,25 @@ def _left_with_exact_sensors(one: Evidence) -> str:
 
 
 def _drift(one: Evidence) -> str:
+    drift = _found(one, Drift)
     return (
-        f"{one.finding.parameter} moves from {one.threshold:.4g} to {one.value:.4g} {one.finding.unit}: "
+        f"{drift.parameter} moves from {one.threshold:.4g} to {one.value:.4g} {drift.unit}: "
         "it had absorbed part of what was missing"
     )
 
 
 _WORDS: Mapping[Quantity, Callable[[Evidence], str]] = {
     "power": _power,
-    "record_level": lambda one: str(one.finding.statement),
+    "record_level": lambda one: record_level_text(_found(one, RecordQuantity)),
     "size": _size,
     "joint_size": _size,
     "mbic": _mbic,
     "left_out_error": _left_out_error,
     "absorbed": _absorbed,
-    "rival": lambda one: rival_text(one.finding),
+    "rival": lambda one: rival_text(_found(one, Rival)),
     "left_alone": _left_alone,
     "levels": _levels,
-    "scatter": lambda one: str(one.finding.statement),
+    "scatter": lambda one: scatter_text(_found(one, SizeScatter)),
     "sensor_error": _sensor_error,
     "exact_sensors": _exact_sensors,
     "left_with_exact_sensors": _left_with_exact_sensors,

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter
 from rigctl.analysis.held_out_group import HeldOutGroup
-from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
+from rigctl.analysis.improve import Addition, Improvement, ImprovementEnd, NotImproved, Step
+from rigctl.answers import reasons, verdict
 from rigctl.answers.blocks import Answer, Block, Point, Points, Sentence, Tone, nonempty
 from rigctl.answers.comparison import departures
 from rigctl.answers.diagnosis import (
@@ -29,7 +30,7 @@ from rigctl.units import parse_unit
 
 def improvement_answer(improvement: Improvement) -> Answer:
     """What was added, how the error changed, and what the current model still lacks."""
-    text = improvement.statement
+    text = statement(improvement)
     fits = [*([improvement.first.before.fit] if improvement.steps else []), improvement.last.before.fit]
     lefts = [left_of(one.before) for one in (improvement.first, improvement.last)][-len(fits) :]
     facts = [
@@ -59,7 +60,7 @@ def improvement_answer(improvement: Improvement) -> Answer:
 
 def improvement_evidence(improvement: Improvement) -> tuple[Block, ...]:
     """Every step, how it ended, the whole decrease of the error, and what is left."""
-    steps, text = improvement.steps, improvement.statement
+    steps, text = improvement.steps, statement(improvement)
     errors: list[Block] = []
     if len(steps) > 1:
         each = [(f"with {' and '.join(one.effects)}", one.after) for one in steps]
@@ -88,7 +89,7 @@ def _step(step: Step) -> list[Block]:
             head=f"Version {step.version.number} of {step.version.head}",
             main=True,
         ),
-        Sentence(step.reason),
+        Sentence(reason_text(step.addition)),
         Points("", points(mine)),
         *error_bars([("before", step.before), (with_it, step.after)]),
     ]
@@ -134,3 +135,65 @@ def _added(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     named = {one.effect: one for one in diagnosis.ranking if one.effect in diagnosis.best.effects}
     parts = [f"{name} ({size_text(diagnosis, named[name])})" if name in named else name for name in effects]
     return " and ".join(parts)
+
+
+def statement(improvement: Improvement) -> str:
+    """One sentence: the effects added, and why the loop ended."""
+    last = improvement.last
+    names = [name for step in improvement.steps for name in step.effects]
+    added = f"added {', '.join(names)}" if names else "added nothing"
+    if last.before.explained_by and not last.effects:
+        return f"{added}: {verdict.statement(last)}"
+    more = "more " if names else ""
+    agrees = f"the model {'now ' if names else ''}agrees with the measurements within their noise"
+    if not last.before.adequate:
+        agrees = (
+            "what is left may be the shape of a law alone: the model still does not agree with the "
+            "measurements"
+        )
+    refused = f"{refusal_text(improvement)}, so that it is not added"
+    doubt = verdict.doubt_text(last) or "it may be slow noise"
+    why = {
+        ImprovementEnd.ADEQUATE: agrees,
+        ImprovementEnd.NOTHING_HELPS: "no further effect of the library lowers mBIC, and the model still "
+        "does not agree with the measurements",
+        ImprovementEnd.NOT_DECIDED: f"these data cannot tell whether anything {more}is missing: {doubt}",
+        ImprovementEnd.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree "
+        "with the measurements",
+        ImprovementEnd.NOT_SURE: "no further effect is certain to be what is missing",
+        ImprovementEnd.NOT_PREDICTED: refused,
+        ImprovementEnd.IMPLAUSIBLE: refused,
+    }[improvement.ended]
+    return f"{added}: {why}"
+
+
+def refusal_text(improvement: Improvement) -> str:
+    """Why the next effect was not added; "" if that is not why the loop ended."""
+    refused = improvement.refused
+    if not isinstance(refused, NotImproved):
+        return "" if refused is None else reasons.reason_text(refused)
+    where = {
+        "held_out": f"the {refused.records} records held out",
+        "conditions": "conditions left out of the fit",
+        "blocks": "blocks of time left out of the fit",
+    }[refused.where]
+    return f"{' and '.join(refused.effects)} does not improve the prediction of {where}"
+
+
+def reason_text(addition: Addition) -> str:
+    """Why these effects are added; it says so if these data cannot distinguish them from others."""
+    text = ". ".join(verdict.effect_text(*member) for member in addition.members)
+    if len(addition.members) > 1:
+        text += ". They help only together"
+    if addition.following:
+        text += f". No other effect gains as much alone; {', '.join(addition.following)} follows"
+    if addition.unusual:
+        text += f". It fits only with its {', and its '.join(addition.unusual)}"
+    if addition.alike:
+        text += f". These data cannot tell it from {', '.join(addition.alike)}: it is the most probable"
+    if addition.nearest:
+        text += (
+            ". Something else may be missing as well, its law may have a different shape, or it is only the "
+            "nearest in the library"
+        )
+    return text

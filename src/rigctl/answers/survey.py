@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rigctl.analysis.agreement.adequacy import chance
 from rigctl.answers.blocks import Answer, Block, Column, Note, Points, Table, counted, nonempty
 from rigctl.answers.numbers import plural
 from rigctl.monitoring.result import Line, Survey
+from rigctl.wording import chance
 
 #: number of series, runs and tests that are listed
 _COURSES, _LINES, _TESTS = 4, 24, 8

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.fitting import OnProgress, no_progress
@@ -31,6 +30,7 @@ from rigctl.model.measured.rigs import rig_of
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
+from rigctl.wording import chance_text
 
 Floats = NDArray[np.float64]
 

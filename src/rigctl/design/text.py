@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigctl.analysis.text import in_words
 from rigctl.design.result import NONE, WITHOUT_EFFECT, DesignResult, PredictedPower, SensorSet
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import library
+from rigctl.notebook import worded
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
 from rigctl.wording import listed
@@ -64,7 +64,7 @@ def explanations_in_words(design: DesignResult) -> list[str]:
     texts = []
     for together, weight in dict.fromkeys(design.explanations.values()):
         names = together.split(" with ")
-        said = [in_words(known[name]) if name in known else name for name in names]
+        said = [known[name].described if name in known else name for name in names]
         said = [WITHOUT_EFFECT if name == NONE else name for name in said]
         texts.append(" with ".join(said) + (f", {share(weight)}" if weight else ""))
     return texts
@@ -86,7 +86,7 @@ def _calibration(design: DesignResult) -> str:
     diagnosis = design.diagnosis
     if diagnosis is None or not diagnosis.instead_of_sensors or not diagnosis.decided_by:
         return ""
-    return f"; {diagnosis.decided_by[0]}"
+    return "; " + worded(diagnosis.decided_by[0], "decisions.decision")
 
 
 def _least(design: DesignResult, pair: tuple[str, str]) -> float:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from rigctl.analysis.agreement.adequacy import Adequacy, chance_text
+from rigctl.analysis.agreement.adequacy import Adequacy
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, STAND_IN
@@ -16,7 +16,6 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.refitted_sets import RefittedSets
-from rigctl.analysis.search.remainder import share_text, strength
 from rigctl.dataset.run import Run
 from rigctl.discovery.curve import curves_of
 from rigctl.discovery.dimensions import tier_of
@@ -37,6 +36,7 @@ from rigctl.model.measured.note import as_notes
 from rigctl.model.model import Model
 from rigctl.physics.family import ModelFamily
 from rigctl.tasks import Workers
+from rigctl.wording import chance_text, share_text, strength
 
 #: number of other locations that are named
 _RIVALS = 5

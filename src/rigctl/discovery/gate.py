@@ -10,11 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.agreement.replicates import replicate_test
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.notebook import worded
+from rigctl.wording import chance_text
 
 #: the gate is closed if more than this share of the misfit differs between records of one condition
 _IRREPRODUCIBLE = 0.5
@@ -61,7 +62,7 @@ def gate_of(diagnosis: Diagnosis) -> Gate:
         return _of_agreement(diagnosis)
     if diagnosis.doubt:
         head = f"{_NONE}, because these data cannot tell whether anything is missing"
-        return Gate(False, "undecided", diagnosis.doubt, head)
+        return Gate(False, "undecided", worded(diagnosis, "verdict.doubt_text"), head)
     if before.adequacy.only_misread and not diagnosis.effects:
         return Gate(False, "sensor", diagnosis.statement, _NONE)
     if diagnosis.verdict is Verdict.MISSING_EFFECT or (

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from rigctl.analysis.decision_levels import STAND_IN
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.linear.cross_validation import CrossValidation
-from rigctl.analysis.search.remainder import share_text
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.dimensions import Tier
 from rigctl.discovery.formula_fit import Fitted
@@ -20,6 +19,7 @@ from rigctl.json_values import finite_or_none
 from rigctl.model.measured.note import Note
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
+from rigctl.wording import share_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -219,6 +219,11 @@ class Effect:
         return one_line(self, f"{self.name} of {self.family}: {self.summary}")
 
     @property
+    def described(self) -> str:
+        """The effect as a sentence of physics, with its name in brackets."""
+        return f"{self.summary.rstrip('.')} ({self.name})"
+
+    @property
     def model_family(self) -> ModelFamily:
         """The declaration of the family it belongs to.
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.model.measured.note import Note
 from rigctl.monitoring.changed_effect import Named
@@ -16,7 +15,7 @@ from rigctl.monitoring.evaluation import Reading
 from rigctl.monitoring.multiplicity import Change, Judged, Quantity, QuantitySeries
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
-from rigctl.wording import number_of
+from rigctl.wording import chance_text, number_of
 
 if TYPE_CHECKING:
     import pandas as pd

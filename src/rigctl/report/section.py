@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from rigctl.analysis.agreement.adequacy import chance
 from rigctl.answers import numbers
 from rigctl.report.interactive_plots import embed, figure
 from rigctl.report.plot import Plot
+from rigctl.wording import chance
 
 if TYPE_CHECKING:
     from jinja2 import Environment

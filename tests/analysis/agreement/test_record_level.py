@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from commands import answer, told
 from rigctl.analysis.agreement.record_level import RecordQuantity, record_level
+from rigctl.answers.agreement import prior_text
 from rigctl.cli.commands.init import create_project
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import fit
@@ -82,9 +83,9 @@ def test_an_ambient_temperature_that_rises_with_the_heaters_is_evidence() -> Non
 def test_ambient_temperatures_that_scatter_within_their_prior_are_not_evidence(seed: int) -> None:
     generator = np.random.default_rng(seed)
     found = quantities(lambda _: float(generator.normal(0.0, 1.0)), seed)
-    assert not any(one.statement for one in found.values())
+    assert not any(one.evident for one in found.values())
     assert np.isnan(found["temperature_1"].p_value), "a start that was read is evidence of nothing"
-    assert found["temperature_1"].prior == "free"
+    assert prior_text(found["temperature_1"]) == "free"
 
 
 FAMILY = """

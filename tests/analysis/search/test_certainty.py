@@ -14,10 +14,12 @@ from linear_problem import PLAIN, compared, made_design, made_effect
 from rigctl.analysis.linear.size_scatter import SizeScatter
 from rigctl.analysis.search import certainty
 from rigctl.analysis.search.certainty import Answer, certain_levels
+from rigctl.analysis.search.reasons import NotPredicted
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.search import Search
+from rigctl.answers.reasons import reason_text
 
-REMAINDER = Remainder(0.01, 20.0, 1e-6, "", "", "", "1 % of the misfit is left, 20 sigma")
+REMAINDER = Remainder(0.01, 20.0, 1e-6, "", "", "")
 NONE, LOCATION = (False, False, False), (True, False, False)
 #: the shares that the two leave alone
 LEFT = {"alpha": 0.02, "beta": 0.98}
@@ -63,7 +65,9 @@ def test_an_effect_that_alone_leaves_no_more_than_its_law_may_stays_certain(
     assert answer.certain_alone(found) == ("alpha",)
     assert answer.left_alone(found) == {"alpha": pytest.approx(0.02)}
     (reason,) = answer.against(answer.certain_alone(found))
-    assert reason.startswith("beta may only resemble what is missing besides alpha: together they leave ")
+    assert reason_text(reason).startswith(
+        "beta may only resemble what is missing besides alpha: together they leave "
+    )
 
 
 def test_effects_that_only_together_explain_enough_are_not_certain(pair: Callable[..., Answer]) -> None:
@@ -72,7 +76,7 @@ def test_effects_that_only_together_explain_enough_are_not_certain(pair: Callabl
     assert levels(answer) == [NONE, NONE]
     assert answer.left_alone(certain_levels(answer, (), ())) == {}
     (reason,) = answer.against()
-    assert "together they may imitate" in reason
+    assert "together they may imitate" in reason_text(reason)
 
 
 def test_effects_at_other_locations_beside_the_second_one_or_alone_leave_nothing_certain(
@@ -110,7 +114,8 @@ def test_an_effect_that_alone_fails_cross_validation_is_not_certain(
     pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer = pair(LEFT)
-    monkeypatch.setattr(certainty, "against_identity", lambda *_, **__: ["it does not predict"])
+    failed = [NotPredicted(("alpha",))]
+    monkeypatch.setattr(certainty, "reasons_against", lambda *_, **__: failed)
     assert levels(answer) == [NONE, NONE]
 
 

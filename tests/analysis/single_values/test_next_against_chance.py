@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +15,8 @@ from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.linear.power import significant_size
 from rigctl.analysis.single_values import next_values as module
-from rigctl.analysis.single_values.next_values import next_against_chance
+from rigctl.analysis.single_values.next_values import FurtherPoint, Repeats, next_against_chance
+from rigctl.answers.table_findings import next_steps
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import import_file
 from rigctl.files.shipped import shipped
@@ -49,15 +49,12 @@ def before(one: Any, rows: int, degrees: int, tests: int = 3) -> Any:
 @pytest.mark.parametrize("z", [2.6, 3.0, 3.4])
 @pytest.mark.parametrize(("rows", "degrees"), [(8, 4), (13, 10)])
 def test_the_suggested_repeats_have_a_power_of_90_percent(z: float, rows: int, degrees: int) -> None:
-    (said,) = next_against_chance(before(score(z), rows, degrees))
-    found = re.fullmatch(
-        r"read each condition (\d+) times: leak, if it is as large as it seems, would then be ([\d.]+) "
-        r"times as strong as chance",
-        said,
-    )
-    assert found
-    repeats = int(found[1])
-    assert float(found[2]) == pytest.approx(z * np.sqrt(repeats), abs=0.06)
+    (step,) = next_against_chance(before(score(z), rows, degrees))
+    assert isinstance(step, Repeats)
+    repeats = step.readings
+    assert step.size == pytest.approx(z * np.sqrt(repeats))
+    (said,) = next_steps([step])
+    assert said.startswith(f"read each condition {repeats} times: leak, if it is as large as it seems, would")
 
     def shown(count: int) -> float:
         """Power of Student's test, one of three at 1 %, with the noise estimated from the repeats as well."""
@@ -97,17 +94,17 @@ def test_the_predicted_change_beyond_a_table_matches_a_fit_with_the_effect(tmp_p
     every = read_measurements(plain, [open_run(str(done.path))])
     table_alone = every.only(range(13))
     noise = noise_of(table_alone)
-    said = next_against_chance(judge(fit_model(plain, table_alone, noise), "oil"))
-    (hot,) = [text for text in said if " at 100 degC too" in text]
-    found = re.search(r"capillary_end_correction changes it there by ([+-]\d+) %, (\d+) times the noise", hot)
-    assert found
+    steps = next_against_chance(judge(fit_model(plain, table_alone, noise), "oil"))
+    (hot,) = [one for one in steps if isinstance(one, FurtherPoint) and one.condition == "100 degC"]
+    assert hot.effect == "capillary_end_correction"
+    assert " at 100 degC too: capillary_end_correction changes it there by " in next_steps([hot])[0]
     known = DataNoise(noise.model, (*noise.ok, noise.ok[0]))
     with_it, without = (
         float(fit_model(model, every, known, (13,)).outputs[13][-1, 0]) for model in (more, plain)
     )
-    assert float(found[1]) == pytest.approx(100.0 * (with_it / without - 1.0), abs=1.0)
+    assert hot.change == pytest.approx(with_it / without - 1.0, abs=0.01)
     sigma = float(noise.model.channels[0].sigma_at(np.array([without]))[0])
-    assert float(found[2]) == pytest.approx(abs(with_it - without) / sigma, rel=0.1)
+    assert hot.times == pytest.approx(abs(with_it - without) / sigma, rel=0.1)
 
 
 @pytest.mark.parametrize(("effects", "degrees"), [(1, 4), (6, 4), (6, 10)])

@@ -10,8 +10,9 @@ import pytest
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.linear.candidates import candidates
 from rigctl.analysis.linear.linearisation import Linearisation, linearise
+from rigctl.analysis.single_values.findings import end_left_out
 from rigctl.analysis.single_values.rows import TableRow, table_rows
-from rigctl.analysis.single_values.statements import end_left_out
+from rigctl.answers.table_findings import findings
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import import_file
 from rigctl.files.shipped import shipped
@@ -44,7 +45,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Linearisation, tupl
 def test_the_ends_of_a_table_of_two_quantities_are_left_out(
     mixed: tuple[Linearisation, tuple[TableRow, ...]],
 ) -> None:
-    hot, cold = end_left_out(*mixed)
+    hot, cold = findings(end_left_out(*mixed))
     assert "the 3 values from 70 degC to 80 degC" in hot
     assert "the 3 values from 20 degC to 30 degC" in cold
     # the law of the density is not fitted, so that the wrong reading remains its error
@@ -56,6 +57,6 @@ def test_an_error_at_a_reading_of_zero_is_given_in_its_unit_instead_of_percent(
     mixed: tuple[Linearisation, tuple[TableRow, ...]],
 ) -> None:
     linearisation, rows = mixed
-    hot, _ = end_left_out(linearisation, [replace(row, measured=0.0) for row in rows])
+    hot, _ = findings(end_left_out(linearisation, [replace(row, measured=0.0) for row in rows]))
     assert "kg/m^3 more than measured for density" in hot
     assert "%" not in hot

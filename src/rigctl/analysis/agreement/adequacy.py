@@ -370,16 +370,7 @@ _FAST = 0.1
 _FLOOR_KNOWN = 0.04
 #: heavy tails make a root mean square larger than a median of absolute values says, by at most this factor
 _TAILS = 1.4
+
+
 #: a channel moves if it varies by more than this many times its floor
 _MOVING = 3.0
-_LEAST = 1e-6
-
-
-def chance(p_value: float) -> str:
-    """``0.03``, or ``< 1e-6``."""
-    return "< 1e-6" if p_value < _LEAST else f"{p_value:.2g}"
-
-
-def chance_text(p_value: float) -> str:
-    """``p = 0.03``, or ``p < 1e-6``."""
-    return f"p {chance(p_value)}" if p_value < _LEAST else f"p = {chance(p_value)}"

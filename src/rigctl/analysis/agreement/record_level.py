@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linear.chi_square import chi2_tail
 from rigctl.analysis.linear.linearisation import free_unknowns
@@ -32,6 +31,7 @@ from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.unknowns import LocalUnknown
+from rigctl.notebook import worded
 from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
@@ -108,37 +108,19 @@ class RecordQuantity:
         return show(value, self.unit, difference=self.difference, digits=digits)
 
     @property
-    def prior(self) -> str:
-        """The prior knowledge, in words."""
-        if self.span is not None:
-            return " to ".join(show(end, self.unit, difference=self.difference) for end in self.span)
-        first = self.estimates[0]
-        if math.isnan(first.prior_std):
-            return "free"
-        if len({(one.prior_mean, one.prior_std) for one in self.estimates}) > 1:
-            return "of each record"
-        width = show(first.prior_std, self.unit, difference=True, digits=2)
-        return f"{self.shown(first.prior_mean)} ± {width}"
+    def evident(self) -> bool:
+        """Whether it is more than ordinary variation between records."""
+        return self.exceeds or self.follows
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether anything is known of it beforehand."""
+        return not math.isnan(self.estimates[0].prior_std)
 
     @property
     def statement(self) -> str:
-        """What it is evidence of; "" if it is ordinary variation between records."""
-        low, high = self.shown(float(self.values.min())), self.shown(float(self.values.max()))
-        span = f"{self.meaning} ranges from {low} to {high} over the records"
-        words = []
-        if self.exceeds:
-            words.append(f"more than its prior allows ({chance_text(min(1.0, self.p_value * self.count))})")
-        if self.follows:
-            chance = chance_text(min(1.0, self.over_p_value * self.count))
-            words.append(
-                f"and it follows {self.over} ({chance})" if words else f"following {self.over} ({chance})"
-            )
-        if not words:
-            return ""
-        return (
-            f"{span}, {', '.join(words)}: it may be compensating for something that the model lacks, or its "
-            f"prior is too narrow ({self.prior})"
-        )
+        """What it is evidence of, in words; "" if it is ordinary variation."""
+        return worded(self, "agreement.record_level_text")
 
     def document(self) -> dict[str, Any]:
         """Its summary in the machine-readable answer."""
@@ -157,7 +139,7 @@ class RecordQuantity:
             "over": self.over or None,
             "over_p_value": finite_or_none(self.over_p_value),
             "tests": self.count,
-            "evidence": self.exceeds or self.follows,
+            "evidence": self.evident,
             "statement": self.statement,
         }
 
@@ -194,7 +176,7 @@ def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
         for one in quantities
     )
     counted = [replace(one, count=max(tests, 1)) for one in quantities]
-    return tuple(sorted(counted, key=lambda one: not one.statement))
+    return tuple(sorted(counted, key=lambda one: not one.evident))
 
 
 def _positions(fit: FitResult) -> dict[str, list[tuple[int, int]]]:

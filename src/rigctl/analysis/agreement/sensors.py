@@ -25,7 +25,7 @@ from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linear.chi_square import chi2_tail
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.reading_errors import CALIBRATION, CLOCK, CalibrationError, ClockError, ReadingError
-from rigctl.units import parse_unit, show
+from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
@@ -64,24 +64,6 @@ class Misreading:
     def of(self) -> tuple[str, str, int]:
         """That of its unknowns."""
         return CALIBRATION, self.channel, self.number
-
-    @property
-    def text(self) -> str:
-        """``temperature_1 reads 0.8 K high at 55 degC (stated ±1 K)``."""
-        size = show(abs(self.error), self.unit, difference=True, digits=2)
-        at = show(self.at, self.unit, difference=self.difference, digits=2)
-        stated = show(self.stated, self.unit, difference=True, digits=2)
-        direction = "high" if self.error > 0.0 else "low"
-        again = f" under its calibration {self.number}" if self.number > 1 else ""
-        return f"{self.channel}{again} reads {size} {direction} at {at} (stated ±{stated})"
-
-    def remedy(self, share: float) -> str:
-        """The calibration with this share of its uncertainty that would decide between it and the model."""
-        better = show(share * self.stated, self.unit, difference=True, digits=1)
-        return (
-            f"recalibrate {self.channel} to ±{better}: if its error is as small, something is "
-            "missing in the model; if not, it was the sensor"
-        )
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form, in the channel's unit."""
@@ -125,26 +107,6 @@ class WrongClock:
         """That of its unknown."""
         return CLOCK, self.clock, self.number
 
-    @property
-    def _unit(self) -> str:
-        return "ms" if self.stated < 1.0 else "s"
-
-    @property
-    def text(self) -> str:
-        """``the clock logger_b is 32 ms behind (stated ±50 ms)``."""
-        size, stated = show(abs(self.error), self._unit, digits=2), show(self.stated, self._unit, digits=2)
-        direction = "behind" if self.error > 0.0 else "ahead"
-        again = f" under its statement {self.number}" if self.number > 1 else ""
-        return f"the clock {self.clock}{again} is {size} {direction} (stated ±{stated})"
-
-    def remedy(self, share: float) -> str:
-        """The measurement to this share of its uncertainty that would decide between it and the model."""
-        better = show(share * self.stated, self._unit, digits=1)
-        return (
-            f"measure the offset of the clock {self.clock} to ±{better}, by an edge that it and the commands "
-            "both date: if it is as small, something is missing in the model; if not, it was the clock"
-        )
-
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
         return {
@@ -156,6 +118,15 @@ class WrongClock:
             "unit": "s",
             "beyond": self.beyond,
         }
+
+
+@dataclass(frozen=True)
+class Recalibration:
+    """A calibration, or a measured offset of a clock, to this share of what is stated: as precise as decides
+    between its `error` and the model."""
+
+    error: Misreading | WrongClock
+    share: float
 
 
 @dataclass(frozen=True)
@@ -189,19 +160,6 @@ class SensorBudget:
         between = " or " if of == self.explaining and self.alternatives else " and "
         return between.join(kind for kind in (CALIBRATION, CLOCK) if any(one.of[0] == kind for one in of))
 
-    @property
-    def beyond_text(self) -> str:
-        """``temperature_1 reads 1.5 K high at 55 degC (stated ±1 K), more than its calibration allows``."""
-        errors = " and ".join(one.text for one in self.beyond)
-        clocks = len(self.misread) < len(self.beyond)
-        return f"{errors}, more than {'is stated' if clocks else 'its calibration allows'}"
-
-    @property
-    def exact(self) -> str:
-        """What would be exact without `explaining`: ``sensors``, ``clocks``, or both."""
-        kinds = {one.of[0] for one in self.explaining}
-        return "sensors" + " and clocks" * (CLOCK in kinds) if CALIBRATION in kinds else "clocks"
-
     @cached_property
     def matters(self) -> bool:
         """Whether exact sensors would leave significantly more misfit; a part at its bound always does."""
@@ -225,16 +183,10 @@ class SensorBudget:
         return self._raised_without(self._others(first)) >= ALPHA
 
     @cached_property
-    def explanation(self) -> str:
-        """The errors in words: ``temperature_1 reads 0.8 K high at 55 degC (stated ±1 K)``."""
-        between = " or " if self.alternatives else " and "
-        return between.join(one.text for one in self.explaining)
-
-    @cached_property
-    def recalibration(self) -> tuple[str, ...]:
+    def recalibration(self) -> tuple[Recalibration, ...]:
         """For each of `explaining`, what would decide between it and the model."""
         shares = [(one, self._deciding_share(one)) for one in self.explaining]
-        return tuple(one.remedy(share) for one, share in shares if share)
+        return tuple(Recalibration(one, share) for one, share in shares if share)
 
     def _deciding_share(self, misreading: Misreading | WrongClock) -> float:
         """The largest share of its stated uncertainty at which a right sensor leaves a misfit; 0 if none."""

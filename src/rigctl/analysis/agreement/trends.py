@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -313,14 +313,3 @@ def _moves(change: float, digits: int, *, kelvin: bool = False) -> str:
         if abs(change) < _LEAST["K" if kelvin else "1"]
         else f"{moves} {significant(size, digits)} {unit}"
     )
-
-
-def sentence(candidates: Sequence[Trend]) -> str:
-    """The worst modelled trend in one sentence; empty if none is wrong."""
-    notable = [trend for trend in candidates if trend.significant and trend.matters]
-    worst = [trend for trend in notable if trend.wrong_sign] or notable
-    if not worst:
-        return ""
-    text = worst[0].text
-    capitalised = text[0].upper() + text[1:]
-    return f"{capitalised}: the wrong direction" if worst[0].wrong_sign else capitalised

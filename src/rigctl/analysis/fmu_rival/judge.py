@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.comparison_result import in_unit
 from rigctl.analysis.decision_levels import ALPHA, QUANTILE
 from rigctl.analysis.fitting import noise_in
@@ -32,6 +31,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.clocks import clocks_of
 from rigctl.model.measured.standing import with_what_is_left
+from rigctl.wording import chance_text
 
 Floats = NDArray[np.float64]
 

@@ -19,12 +19,11 @@ from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.search import Search
 from rigctl.errors import RigctlError
 from rigctl.model.model import Model
-from rigctl.units import parse_unit, with_uncertainty
+from rigctl.notebook import worded
+from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
-#: an exponent with a larger standard deviation than this is hardly determined
-_ROUGH = 0.4
 #: least share of a misfit that a law must remove to be reported if no effect is named
 _NEARLY = 0.8
 #: error of an exponent by the rounding of laws near the zero of their variable
@@ -48,7 +47,7 @@ class LawAnswer:
     model: the model with which it was found.
     power: fitted, if the data support another law and one could be written.
     follows: the data show nothing beyond that power.
-    statement: in words.
+    fitted: a fit already changes the shape of the law, for example its exponent.
     file: the effect file to which it was written; None if it was not.
     """
 
@@ -64,8 +63,13 @@ class LawAnswer:
     model: Model = field(repr=False)
     power: PowerLaw | None
     follows: bool
-    statement: str
+    fitted: bool = False
     file: Path | None = None
+
+    @property
+    def statement(self) -> str:
+        """In words."""
+        return worded(self, "laws.law_text")
 
     @property
     def formula(self) -> str | None:
@@ -252,7 +256,6 @@ def _fitted(law: EstimatedLaw, after: EstimatedLaw, power: PowerLaw, best: Refit
         model=best.fit.problem.model,
         power=power,
         follows=not after.differs,
-        statement=_exponent_statement(law, power.exponent, std, follows=not after.differs),
     )
 
 
@@ -272,7 +275,7 @@ def _plain(law: EstimatedLaw, best: RefittedSet) -> LawAnswer:
         model=best.fit.problem.model,
         power=None,
         follows=False,
-        statement=_no_exponent_statement(law, fitted=_fitted_shape(law, best)),
+        fitted=_fitted_shape(law, best),
     )
 
 
@@ -286,52 +289,7 @@ def _value_unit(law: EstimatedLaw) -> str:
     return law.effect.model_family.slot(law.slot).unit
 
 
-def _over(law: EstimatedLaw) -> str:
-    name = law.driver.name
-    return name if name.isidentifier() else f"({name})"
-
-
 def _hardly_changes(assumed: float | None, exponent: float, std: float) -> bool:
     """Whether a power that is assumed to change with its variable may be constant: an exponent that may be
     0."""
     return bool(assumed) and abs(exponent) < max(SHAPE_TOLERANCE, AT_LIMIT * std)
-
-
-def _exponent_statement(law: EstimatedLaw, exponent: float, std: float, *, follows: bool) -> str:
-    name, over, n = law.effect.name, _over(law), with_uncertainty(exponent, std)
-    if _hardly_changes(law.assumed_exponent, exponent, std):
-        return (
-            f"according to the data, the term at {law.slot} does not change with {over}: the exponent of "
-            f"{name} is {n} there, not {law.assumed_exponent:.3g}"
-        )
-    if law.assumed_exponent is None:
-        text = f"{name} changes with {over} as its assumed law times {over}^({n})"
-    else:
-        verb = "grows" if exponent > 0.0 else "falls"
-        text = f"{name} {verb} as {over}^({n}), not as {over}^{law.assumed_exponent:.3g}"
-    if follows:
-        return f"{text}: over the range of these data no further correction is needed"
-    return f"{text}, approximately: no power law describes it completely, see the curve"
-
-
-def _no_exponent_statement(law: EstimatedLaw, *, fitted: bool) -> str:
-    name, over, std = law.effect.name, _over(law), law.change_std
-    if law.differs:
-        return (
-            f"the data support a law of {name} over {over} that differs from the assumed one, but do not "
-            "determine a power: see the curve"
-        )
-    if fitted:
-        return f"the law of {name} over {over} is fitted, and the data show nothing beyond it"
-    if not std < _ROUGH:
-        return f"the data hardly determine the law of {name} over {over}"
-    if law.assumed_exponent is None:
-        return (
-            f"the data do not distinguish the law of {name} over {over} from the assumed one: "
-            f"a further factor {over}^n would have n = {with_uncertainty(law.change, std)}"
-        )
-    exponent = law.assumed_exponent + law.change
-    return (
-        f"the data do not distinguish the law of {name} from {over}^{law.assumed_exponent:.3g}: its "
-        f"exponent is {with_uncertainty(exponent, std)}"
-    )

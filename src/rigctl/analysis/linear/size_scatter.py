@@ -185,14 +185,6 @@ class SizeScatter:
     explained: float = 0.0
     counts: bool = False
 
-    @property
-    def statement(self) -> str:
-        """In words; "" if the scatter is not significant."""
-        if self.follows:
-            return f"the size of {self.effect} changes with the operating point, but its law does not"
-        share = f"{100.0 * self.width:.0f} %"
-        return f"the size of {self.effect} scatters from record to record, by about {share}" * self.asked
-
 
 def size_scatter(lin: Linearisation, effect: str) -> SizeScatter | None:
     """The scatter of one effect's size; None if it has no such columns.

@@ -18,11 +18,11 @@ from rigctl.analysis.linear.cross_validation import CrossValidation, held_out_ga
 from rigctl.analysis.linear.size_scatter import SizeScatter
 from rigctl.analysis.search.identity import Levels, certain_members, levels_of
 from rigctl.analysis.search.own_scale import doubts, not_a_sensor
+from rigctl.analysis.search.reasons import Reason, reasons_against
 from rigctl.analysis.search.refit import RefittedSet, left_by_refit
 from rigctl.analysis.search.remainder import Remainder, remainder
 from rigctl.analysis.search.rivals import classes_of, find_rivals
 from rigctl.analysis.search.search import Search
-from rigctl.analysis.text import against_identity
 from rigctl.model.fit.reached_bounds import decisive_bounds
 from rigctl.tasks import counted
 
@@ -44,7 +44,7 @@ class Answer:
     checks: Mapping[str, CrossValidation | None]
     remaining: Remainder | None
 
-    def against(self, certain: Collection[str] = ()) -> list[str]:
+    def against(self, certain: Collection[str] = ()) -> list[Reason]:
         """What speaks against the set, see `evidence_against`; `certain` members are not doubted."""
         return evidence_against(self.search, self.best, self.checks, self.remaining, certain=certain)
 
@@ -103,15 +103,15 @@ def evidence_against(
     *,
     sizes: bool = True,
     certain: Collection[str] = (),
-) -> list[str]:
-    """Why a set may not be what is missing; see `rigctl.analysis.text.against_identity`.
+) -> list[Reason]:
+    """Why a set may not be what is missing, besides its rivals; see `reasons_against`.
 
     A bound that a user wrote and that holds the fit with the set is a reason too: it leaves a misfit that the
     set may only imitate.
     """
-    reasons = against_identity(best, checks, remaining, search.reached(best), sizes=sizes, certain=certain)
+    reasons = reasons_against(best, checks, remaining, search.reached(best), sizes=sizes, certain=certain)
     reasons += doubts(search, best) if search.in_own_scale else []
-    reasons += [one.statement for one in decisive_bounds(best.fit)]
+    reasons += decisive_bounds(best.fit)
     return [*reasons, *(not_a_sensor(best) if search.tolerance else [])]
 
 

@@ -23,11 +23,11 @@ from rigctl.analysis.search.certainty import (
 )
 from rigctl.analysis.search.identity import Levels, same_cause
 from rigctl.analysis.search.own_scale import proven_by_collapse
+from rigctl.analysis.search.reasons import Reason, failed_checks
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder, remainder
 from rigctl.analysis.search.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.search.search import Search
-from rigctl.analysis.text import failed_checks
 
 
 @dataclass(frozen=True)
@@ -101,10 +101,10 @@ class Judgement:
         return self.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
 
     @cached_property
-    def undriven(self) -> tuple[str, ...]:
-        """Why the law of a member is not over its own variables, one sentence each."""
-        constant = [one.statement for one in self.laws if one.constant and one.effect in self.best.effects]
-        return (*constant, *(one.statement for one in self.scatters if one.follows))
+    def undriven(self) -> tuple[Reason, ...]:
+        """The laws and sizes of members that do not change with their own variables."""
+        constant = [one for one in self.laws if one.constant and one.effect in self.best.effects]
+        return (*constant, *(one for one in self.scatters if one.follows))
 
     @cached_property
     def levels(self) -> tuple[Levels, ...]:
@@ -112,7 +112,7 @@ class Judgement:
         return certain_levels(self.answer, self.laws, self.scatters) if self.named else ()
 
     @cached_property
-    def against(self) -> tuple[str, ...]:
+    def against(self) -> tuple[Reason, ...]:
         """Why the set may not be what is missing, besides its rivals; members that are certain all the same
         are not doubted."""
         return tuple(self.answer.against(self.answer.certain_alone(self.levels)))

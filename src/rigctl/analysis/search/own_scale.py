@@ -8,6 +8,7 @@ error that follows past inputs shows that something is missing, and not what.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from rigctl.analysis.decision_levels import (
     ALPHA,
@@ -65,28 +66,40 @@ def times_the_floor(fit: FitResult) -> float:
     )
 
 
-def doubts(search: Search, best: RefittedSet) -> list[str]:
-    """Why a set that proves itself may still be only the nearest; empty if nothing speaks for that."""
-    reasons = []
-    before, after = squares(search.before.fit), squares(best.fit)
-    times = times_the_floor(best.fit)
-    if times > MANY_FLOORS and after > MOSTLY * before:
-        reasons.append(
-            f"it leaves {100.0 * math.sqrt(after / before):.0f} % of the error, {times:.2g} times the white "
-            "noise: something else may be missing, or its law has another shape"
-        )
-    return reasons
+@dataclass(frozen=True)
+class ErrorLeft:
+    """A set leaves this share of the error, in the worst channel so many `times` the white noise."""
+
+    share: float
+    times: float
 
 
-def not_a_sensor(best: RefittedSet) -> list[str]:
-    """Sensor effects of a set that are too large to be a sensor's, one sentence each.
+@dataclass(frozen=True)
+class TooLargeForSensor:
+    """A sensor effect of so many `times` the noise of a reading, as no sensor's error is.
 
     A sensor whose readings scatter by a thousandth of such an error was read without it before: what has this
     memory, or depends on this reading, is somewhere else in the bench.
     """
+
+    effect: str
+    times: float
+
+
+def doubts(search: Search, best: RefittedSet) -> list[ErrorLeft]:
+    """Why a set that proves itself may still be only the nearest; empty if nothing speaks for that."""
+    before, after = squares(search.before.fit), squares(best.fit)
+    times = times_the_floor(best.fit)
+    if times > MANY_FLOORS and after > MOSTLY * before:
+        return [ErrorLeft(math.sqrt(after / before), times)]
+    return []
+
+
+def not_a_sensor(best: RefittedSet) -> list[TooLargeForSensor]:
+    """The sensor effects of a set that are too large to be a sensor's."""
     problem = best.fit.problem
     floors = {one.name: one.floor for one in problem.noise.channels}
-    sentences = []
+    found = []
     for candidate in best.candidates:
         channel = next((name for name in floors if candidate.name.endswith(f"_of_{name}")), None)
         floor = 0.0 if channel is None else floors[channel]
@@ -95,8 +108,5 @@ def not_a_sensor(best: RefittedSet) -> list[str]:
             continue
         value = abs(best.value(size)[0] - candidate.parameter(size).at_null)
         if value > SENSOR_SIZE * floor:
-            sentences.append(
-                f"{candidate.name} would be {value / floor:.0f} times the noise of a reading, as no sensor's "
-                "error is: something with such a memory, or dependence on the reading, is missing elsewhere"
-            )
-    return sentences
+            found.append(TooLargeForSensor(candidate.name, value / floor))
+    return found

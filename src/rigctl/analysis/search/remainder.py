@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rigctl.analysis.agreement.adequacy import chance_text
 from rigctl.analysis.agreement.slot_evidence import slot_evidence
 from rigctl.analysis.agreement.trends import Trend, trends
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.search import Search
+from rigctl.notebook import worded
 
 #: an effect that absorbs less than this share of the remainder does not determine where it is
 _MOST = 0.5
@@ -31,7 +31,7 @@ class Remainder:
     slot: the equation in which it is, "" if none stands out.
     over: the operating variable over which it changes most, "" if over none.
     effect: the effect that absorbs most of it beside the others, "" if none does.
-    statement: in words.
+    absorbed: the share of the remainder that it absorbs; `beside` the others.
     below_noise: the error with the set is below the noise, so the tests that see it assume a wrong noise.
     """
 
@@ -41,13 +41,14 @@ class Remainder:
     slot: str
     over: str
     effect: str
-    statement: str
+    absorbed: float = 0.0
+    beside: tuple[str, ...] = ()
     below_noise: bool = False
 
     @property
-    def amount(self) -> str:
-        """How much it is, in words."""
-        return f"{share_text(self.share)} of the misfit" if self.size**2 >= STATED else "a detectable pattern"
+    def statement(self) -> str:
+        """In words."""
+        return worded(self, "reasons.remainder_text")
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -61,15 +62,6 @@ class Remainder:
             "statement": self.statement,
             "below_noise": self.below_noise,
         }
-
-
-def strength(size: float) -> str:
-    """The size of one effect in standard deviations of what noise alone makes of it, in words.
-
-    It is none of a remainder: the √χ² that noise alone leaves grows with the number of readings.
-    """
-    number = f"{size:.0f}" if size >= 10.0 else f"{size:.1f}"
-    return f"{number} times as strong as chance"
 
 
 def remainder(search: Search, best: RefittedSet) -> Remainder | None:
@@ -87,36 +79,17 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
         evidence = slot_evidence(best.fit)
         slot = evidence[0].slot if evidence else ""
     trend = _steepest(trends(best.fit))
-    p = view.adequacy.p_value
-    statement = f"a test still detects something ({chance_text(p)}), too weak for its size to be stated"
-    if excess >= STATED:
-        statement = f"{share_text(search.left(best))} of the misfit is left ({chance_text(p)})"
-    if slot:
-        statement += f", most of it at {slot}"
-    if trend is not None:
-        statement += f", and it changes over {trend.variable}"
-    if name:
-        statement += (
-            f". Beside {' and '.join(best.effects)}, {name} absorbs {share_text(absorbed)} of that: it "
-            "may be a second effect, or the shape of "
-            f"{'their laws' if len(best.effects) > 1 else 'the first law'}"
-        )
     return Remainder(
         share=search.left(best),
         size=math.sqrt(excess),
-        p_value=p,
+        p_value=view.adequacy.p_value,
         slot=slot,
         over="" if trend is None else trend.variable,
         effect=name,
-        statement=statement,
+        absorbed=absorbed,
+        beside=best.effects,
         below_noise=view.adequacy.below_noise,
     )
-
-
-def share_text(share: float) -> str:
-    """A share of a misfit as displayed: ``2 %``, ``0.03 %``."""
-    per_cent = 100.0 * share
-    return f"{per_cent:.0f} %" if per_cent >= 1.0 else f"{per_cent:.1g} %"
 
 
 def _next(search: Search, best: RefittedSet, excess: float) -> tuple[str, str, float]:

@@ -19,7 +19,7 @@ from rigctl.analysis.single_values.rows import TableRow, table_rows
 from rigctl.model.fit.fit import FitResult
 
 #: an effect that makes less than this share of the missing change does not explain it
-_TURNS = 0.25
+TURNS = 0.25
 #: least share of the change at a single setting for it to count there
 _THERE = 0.5
 
@@ -57,39 +57,12 @@ def exclusions(
             continue
         reached = _reached(trend, tried.fit)
         only = _only(before, trend, tried.fit)
-        if reached < _TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
+        if reached < TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:
             worse = math.sqrt(max(tried.chi2 - chi2, 0.0))
-            held = () if only or reached >= _TURNS else at_amplitudes(before, tried, chi2)
+            held = () if only or reached >= TURNS else at_amplitudes(before, tried, chi2)
             at_most = max([reached, *(_reached(trend, one) for one in held)])
             excluded.append(Exclusion(name, reached, only, worse, at_most))
     return tuple(sorted(excluded, key=lambda one: (bool(one.only), one.effect)))
-
-
-def exclusion_text(excluded: Sequence[Exclusion], trend: Trend) -> list[str]:
-    """Which effects change nothing or in the wrong direction, which act in places, and which fit worse."""
-    never = [one.effect for one in excluded if not one.only and one.at_most < _TURNS]
-    unfit = [one.effect for one in excluded if not one.only and one.reached < _TURNS <= one.at_most]
-    want = "rise" if trend.measured > 0.0 else "fall"
-    change = f"make the {trend.quantity} {want} {trend.ends} as it does"
-    sentences = []
-    if never:
-        sentences.append(
-            f"excluded, because alone and at any usual size they cannot {change}: {', '.join(never)}"
-        )
-    if unfit:
-        sentences.append(
-            f"excluded, because alone and at the size that fits best they do not {change}: {', '.join(unfit)}"
-        )
-    sentences += [
-        f"excluded, because alone it explains {' and '.join(one.only)} only: {one.effect}"
-        for one in excluded
-        if one.only
-    ]
-    less = [one for one in excluded if not one.only and one.reached >= _TURNS]
-    if less:
-        named = ", ".join(f"{one.effect} (by {one.worse:.1f} sigma)" for one in less)
-        sentences.append(f"excluded, because alone they fit less well than the best: {named}")
-    return sentences
 
 
 def _reached(trend: Trend, fit: FitResult) -> float:

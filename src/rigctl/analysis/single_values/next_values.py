@@ -1,4 +1,4 @@
-"""What to measure next after a table, in words: other channels, points beyond its ends or between, repeats.
+"""What to measure next after a table: other channels, points beyond its ends or between, repeats.
 
 For the effects that explain a table equally well, the changes that they would make to further readings are
 compared. Differences for which the fitted parameters could compensate are not subtracted: what is named here
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +20,11 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.linear.power import significant_size
 from rigctl.analysis.linear.score_test import Score
 from rigctl.analysis.search.refit_alone import alone
-from rigctl.analysis.search.remainder import strength
+from rigctl.analysis.single_values.findings import near_chance
 from rigctl.analysis.single_values.rows import short_condition
-from rigctl.analysis.single_values.statements import near_chance
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.conditions import variable_units
-from rigctl.units import show
-from rigctl.wording import listed
 
 Floats = NDArray[np.float64]
 
@@ -40,19 +38,70 @@ _UNKNOWN = 0.01
 
 
 @dataclass(frozen=True)
-class _Part:
-    """One channel: the groups of effects that it would distinguish, and by how much these differ."""
+class ChannelOverTime:
+    """One channel recorded over time: the groups of effects that it would distinguish, and by how much.
+
+    `once`: so far it was read once at each operating point.
+    """
 
     channel: str
     groups: tuple[tuple[str, ...], ...]
     apart: float
     unit: str
+    once: bool
+
+
+@dataclass(frozen=True)
+class SecondMeasurement:
+    """A quantity measured independently of the bench's sensor: no channel distinguishes these effects."""
+
+    quantity: str
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FurtherPoint:
+    """A reading beyond the table's ends, where an effect changes it most: by a share, and times its noise."""
+
+    quantity: str
+    condition: str
+    effect: str
+    change: float
+    times: float
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """So many readings of each condition, with which an effect as large as it seems has this size."""
+
+    readings: int
+    effect: str
+    size: float
+
+
+@dataclass(frozen=True)
+class MoreValues:
+    """Further values of a variable, which has only these one or two, SI."""
+
+    variable: str
+    values: tuple[float, ...]
+    unit: str
+
+
+@dataclass(frozen=True)
+class RepeatedConditions:
+    """Each condition three times: so far the noise is only guessed."""
+
+
+NextStep: TypeAlias = (
+    ChannelOverTime | SecondMeasurement | FurtherPoint | Repeats | MoreValues | RepeatedConditions
+)
 
 
 def next_channels(
     before: ModelComparison, trend: Trend | None, members: Mapping[str, FitResult]
-) -> list[str]:
-    """Sentences on channels that would distinguish effects which a table does not.
+) -> list[NextStep]:
+    """Channels that would distinguish effects which a table does not.
 
     Parameters
     ----------
@@ -63,15 +112,11 @@ def next_channels(
     if len(members) < 2 or trend is None or problem.model.family.standard_record is None:
         return []
     parts = _parts(before, trend, members)
-    lines = [
-        _part_text(part, part.channel in problem.measurements.outputs)
-        for part in parts
-        if len(part.groups) > 1
-    ]
-    return lines + _never_parted(parts, list(members), trend.quantity)
+    telling = [part for part in parts if len(part.groups) > 1]
+    return [*telling, *_never_parted(parts, list(members), trend.quantity)]
 
 
-def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResult]) -> list[_Part]:
+def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResult]) -> list[ChannelOverTime]:
     """For every channel that the bench could have, the groups by their change over the trend's variable."""
     channels = _channels(before.fit.problem)
     changes = {name: _changes(fit, trend, channels) for name, fit in members.items()}
@@ -84,7 +129,8 @@ def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResul
             for other in members
         }
         groups = _groups(list(members), {pair: value > _PLAIN * noise for pair, value in distances.items()})
-        parts.append(_Part(output, groups, max(distances.values()), _unit(before, output)))
+        once = output in before.fit.problem.measurements.outputs
+        parts.append(ChannelOverTime(output, groups, max(distances.values()), _unit(before, output), once))
     return parts
 
 
@@ -165,31 +211,14 @@ def _groups(names: list[str], separable: Mapping[tuple[str, str], bool]) -> tupl
     return tuple(tuple(group) for group in groups)
 
 
-def _part_text(part: _Part, once: bool) -> str:
-    single = [group[0] for group in part.groups if len(group) == 1]
-    rest = [group for group in part.groups if len(group) > 1]
-    distance = show(part.apart, part.unit, difference=True, digits=2)
-    what = f"record {part.channel} over time{' instead of one number' if once else ''}"
-    if not rest:
-        return f"{what}: it distinguishes all of them, by up to {distance}"
-    if not single:
-        return f"{what}: it distinguishes {' from '.join(map(listed, rest))}, by up to {distance}"
-    return f"{what}: it distinguishes {listed(single)} from the others, by up to {distance}"
-
-
-def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> list[str]:
+def _never_parted(parts: Sequence[ChannelOverTime], names: list[str], quantity: str) -> list[NextStep]:
     """Effects that no channel of the bench would distinguish."""
     separable = {
         (one, other): any(not any(one in group and other in group for group in part.groups) for part in parts)
         for one in names
         for other in names
     }
-    return [
-        f"measure the {quantity} a second time, independently of the bench's sensor: {listed(group)} "
-        "cannot be distinguished by any channel of the bench"
-        for group in _groups(names, separable)
-        if len(group) > 1
-    ]
+    return [SecondMeasurement(quantity, group) for group in _groups(names, separable) if len(group) > 1]
 
 
 #: a reading shows a change of this many standard deviations
@@ -199,22 +228,18 @@ _MISSED = 0.1
 _MOST_REPEATS = 20
 
 
-def next_against_chance(before: ModelComparison) -> list[str]:
-    """Sentences on readings that would show whether an effect that improves the fit insignificantly is
-    real."""
-    lines = []
+def next_against_chance(before: ModelComparison) -> list[NextStep]:
+    """Readings that would show whether an effect that improves the fit insignificantly is real."""
+    steps: list[NextStep] = []
     for score in near_chance(before.screening):
-        lines += _elsewhere(before, score)
+        steps += _elsewhere(before, score)
         repeats = _repeats(before, score)
         if repeats:
-            lines.append(
-                f"read each condition {repeats} times: {score.effect}, if it is as large as it seems, would "
-                f"then be {strength(score.z * math.sqrt(repeats))}"
-            )
-    return lines
+            steps.append(Repeats(repeats, score.effect, score.z * math.sqrt(repeats)))
+    return steps
 
 
-def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
+def _elsewhere(before: ModelComparison, score: Score) -> list[FurtherPoint]:
     """Operating points beyond the table's ends at which an effect changes most."""
     problem = before.fit.problem
     points = _other_points(problem)
@@ -228,18 +253,16 @@ def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
     output, units = problem.measurements.outputs[0], variable_units(problem.measurements)
     (name,) = problem.measurements.variables
     middle = float(np.mean([record.condition[name] for record in problem.records]))
-    lines = []
+    steps = []
     for side in (1.0, -1.0):  # beyond the upper end, and below the lower one
         chosen = [k for k, point in enumerate(points) if side * (point[name] - middle) > 0.0]
         index = max(chosen, key=lambda k: abs(deviation[k]), default=None)
         if index is not None and abs(deviation[index]) > _SEEN:
-            change = 100.0 * (with_it[index] / without[index] - 1.0)
-            lines.append(
-                f"read {problem.measurements.titles.get(output, output)} at "
-                f"{short_condition(points[index], units)} too: {score.effect} changes it there by "
-                f"{change:+.0f} %, {abs(deviation[index]):.0f} times the noise of a reading"
-            )
-    return lines
+            change = float(with_it[index] / without[index] - 1.0)
+            title = problem.measurements.titles.get(output, output)
+            point = short_condition(points[index], units)
+            steps.append(FurtherPoint(title, point, score.effect, change, abs(float(deviation[index]))))
+    return steps
 
 
 def _other_points(problem: Problem) -> list[dict[str, float]]:
@@ -298,19 +321,16 @@ def _repeats(before: ModelComparison, score: Score) -> int:
     return 0
 
 
-def next_rows(before: ModelComparison) -> list[str]:
-    """Sentences on rows that would give more information about any effect."""
+def next_rows(before: ModelComparison) -> list[NextStep]:
+    """Rows that would give more information about any effect."""
     measurements = before.fit.problem.measurements
     units = variable_units(measurements)
-    lines = []
+    steps: list[NextStep] = []
     conditions = [record.condition for record in measurements.records]
     for name in dict.fromkeys(name for condition in conditions for name in condition):
         points = sorted({condition[name] for condition in conditions if name in condition})
-        if len(points) == 1:
-            lines.append(f"vary {name}: every row is at {show(points[0], units[name], digits=3)}")
-        if len(points) == 2:
-            low, high = (show(point, units[name], digits=3) for point in points)
-            lines.append(f"take more values of {name} than {low} and {high}: any curve passes through two")
+        if len(points) <= 2:
+            steps.append(MoreValues(name, tuple(points), units[name]))
     if any(channel.guessed for channel in before.fit.problem.noise.channels):
-        lines.append("repeat each condition three times: so far the noise is only guessed")
-    return lines
+        steps.append(RepeatedConditions())
+    return steps

@@ -221,7 +221,6 @@ def _mend(path: Path, run: Run, console: Console) -> tuple[Comparison, Improveme
 
 def _show_question(question: Mapping[str, Any], console: Console) -> None:
     """What the published strokes leave open, and which record would decide."""
-    from rigctl.analysis.text import in_words
     from rigctl.effects.registry import find_effect
 
     console.print("[bold]5[/] What single strokes leave open")
@@ -230,7 +229,7 @@ def _show_question(question: Mapping[str, Any], console: Console) -> None:
     console.print(f"  {told if rivals else question['statement']}", markup=False, soft_wrap=True)
     for name in rivals:
         console.print(
-            f"    {in_words(find_effect(name, 'hydraulic_cylinder'))}", markup=False, soft_wrap=True
+            f"    {find_effect(name, 'hydraulic_cylinder').described}", markup=False, soft_wrap=True
         )
     for step in question["next_steps"][:2]:
         console.print(f"  what decides: {step}", markup=False, soft_wrap=True)

@@ -219,6 +219,10 @@ class Measurements:
                 spans[name] = (min(low, lowest), max(high, highest))
         return dict(sorted(spans.items()))
 
+    def unit_of(self, output: str) -> str:
+        """The unit in which an output is shown."""
+        return self.units[self.outputs.index(output)]
+
     def unit_for(self, si: str, *, interval: bool = False) -> str:
         """The display unit of such a quantity on this bench: that of a channel of its dimension, else SI.
 

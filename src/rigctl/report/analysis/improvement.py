@@ -76,7 +76,10 @@ def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Pa
             Details(
                 "why each was added",
                 tuple(
-                    Sentence(step.reason, head=f"version {step.version.number}, {' and '.join(step.effects)}")
+                    Sentence(
+                        step.addition.reason,
+                        head=f"version {step.version.number}, {' and '.join(step.effects)}",
+                    )
                     for step in improved.steps
                 ),
             )

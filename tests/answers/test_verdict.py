@@ -13,18 +13,16 @@ import pytest
 
 from rigctl.analysis.collected_evidence import drift_evidence, evidence_for
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.conclusion import Doubt, Outcome, conclude, whether_at_all
+from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked
 from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.search.reasons import NotPredicted, UndeterminedSize, UnusualSize, reasons_against
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.rivals import Differs, Rival, where_they_differ
-from rigctl.analysis.text import (
-    against_identity,
-    effect_text,
-    verdict_text,
-    whether_at_all,
-)
 from rigctl.answers.evidence import rival_text, sentence
+from rigctl.answers.reasons import reason_text
+from rigctl.answers.verdict import effect_text, worded
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -91,70 +89,65 @@ def test_an_inseparable_rival_is_described_with_the_criteria_it_misses(
 
 
 def leaves(share: float) -> Remainder | None:
-    return Remainder(share, 3.0, 0.001, "", "", "", f"{share:g} is left") if share else None
+    return Remainder(share, 3.0, 0.001, "", "", "") if share else None
 
 
-def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequence[Rival] = ()) -> str:
+def statement(outcome: Outcome, left: float, failed: Sequence[str], rivals: Sequence[Rival] = ()) -> str:
     """The statement on two effects; those in `failed` do not pass cross-validation."""
     known = library(find_family("hydraulic_cylinder"))
     names = ("valve_leakage", "coulomb_friction")
     chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
     checks = {name: CrossValidation(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
     best: Any = SimpleNamespace(candidates=[pair[0] for pair in chosen], unusual={}, undetermined=())
-    against = against_identity(best, checks, leaves(left))
-    before = cast("ModelComparison", None)
-    return verdict_text(verdict, before, chosen, rivals, leaves(left), checks, against=against).text
+    against = reasons_against(best, checks, leaves(left))
+    return worded(conclude(outcome, chosen, rivals, leaves(left), checks, against=against)).text
 
 
 def test_a_failed_check_is_reported_instead_of_an_empty_remainder() -> None:
-    said = statement(Verdict.OUTSIDE_LIBRARY, 0.004, ["valve_leakage"])
+    said = statement("outside", 0.004, ["valve_leakage"])
     assert "but valve_leakage does not predict data that it was not fitted to: " in said
     assert "% of the misfit" not in said
-    assert "but they leave 40 % of the misfit" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
+    assert "but they leave 40 % of the misfit" in statement("outside", 0.4, ["valve_leakage"])
 
 
 def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
     """A tenth of 30 sigmas is undetectable, so 6 sigmas need another cause; a tenth of 300 sigmas is not."""
     leak = SimpleNamespace(effect=library(find_family("hydraulic_cylinder"))["rod_leakage"])
     best: Any = SimpleNamespace(candidates=[leak], unusual={}, undetermined=())
-    left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
-    assert against_identity(best, {}, left, 30.0**2) == [
+    left = Remainder(0.04, 6.0, 0.001, "", "", "")
+    assert list(map(reason_text, reasons_against(best, {}, left, 30.0**2))) == [
         "what it leaves, 4 % of the misfit, is more than a different shape of so small an effect accounts for"
     ]
-    assert not against_identity(best, {}, left, 300.0**2)
-    assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
-    assert not against_identity(best, {}, None, 30.0**2)
+    assert not reasons_against(best, {}, left, 300.0**2)
+    assert not reasons_against(best, {}, replace(left, size=4.0), 30.0**2)
+    assert not reasons_against(best, {}, None, 30.0**2)
 
 
 def test_several_effects_that_leave_something_may_imitate_another() -> None:
     known = library(find_family("hydraulic_cylinder"))
     chosen = [SimpleNamespace(effect=known[name]) for name in ("valve_leakage", "viscous_friction")]
     pair: Any = SimpleNamespace(candidates=chosen, unusual={}, undetermined=())
-    left = Remainder(0.004, 30.0, 0.001, "", "", "", "0.4 % is left")
-    (reason,) = against_identity(pair, {}, left, 500.0**2)
-    assert reason.startswith("together they leave 0.4 % of the misfit that no other shape")
-    (reason,) = against_identity(pair, {}, replace(left, slot="pump_flow"), 500.0**2)
-    assert reason == "what they leave points to a term at pump_flow, where none of them acts"
-    assert not against_identity(pair, {}, None, 500.0**2)
+    left = Remainder(0.004, 30.0, 0.001, "", "", "")
+    (reason,) = reasons_against(pair, {}, left, 500.0**2)
+    assert reason_text(reason).startswith("together they leave 0.4 % of the misfit that no other shape")
+    (reason,) = reasons_against(pair, {}, replace(left, slot="pump_flow"), 500.0**2)
+    assert reason_text(reason) == "what they leave points to a term at pump_flow, where none of them acts"
+    assert not reasons_against(pair, {}, None, 500.0**2)
 
 
 def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:
     seen = cast("Ranked", SimpleNamespace(effect="position_gain", size=3.91, delta_bic=2.43))
-    before = cast("ModelComparison", None)
-    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen).text
+    said = worded(conclude("outside", [], [], None, {}, seen)).text
     assert said == (
         "Something is missing, but the data show too little of it to identify it: position_gain explains "
         "more of it than any other effect, but 3.9 times as strong as chance is not enough to name it"
     )
-    unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}).text
+    unseen = worded(conclude("outside", [], [], None, {})).text
     assert unseen == "Something is missing that no effect of the library explains"
 
 
 def test_with_guessed_noise_no_missing_effect_is_claimed() -> None:
-    before = cast("ModelComparison", None)
-    said = verdict_text(
-        Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, doubt="the noise of flow is a guess"
-    ).text
+    said = worded(conclude("outside", [], [], None, {}), "the noise of flow is a guess").text
     assert "Something is missing" not in said
     assert "but the noise of flow is a guess: these data cannot tell whether something is missing" in said
     channels = (SimpleNamespace(name="flow", guessed=True), SimpleNamespace(name="level", guessed=False))
@@ -164,21 +157,21 @@ def test_with_guessed_noise_no_missing_effect_is_claimed() -> None:
         errors = {"level": SimpleNamespace(nrmse=nrmse)}
         return cast("ModelComparison", SimpleNamespace(fit=SimpleNamespace(problem=problem, errors=errors)))
 
-    assert whether_at_all(compared(1, 3.0)) == "these data do not determine the noise of flow"
-    assert "below its noise" in whether_at_all(compared(0, 0.8))
-    assert whether_at_all(compared(0, 0.95)) == "the error of every channel is within its noise"
-    assert whether_at_all(compared(0, 1.1)) == ""
+    assert whether_at_all(compared(1, 3.0)) == Doubt("guessed_noise", ("flow",))
+    assert whether_at_all(compared(0, 0.8)) == Doubt("below_noise")
+    assert whether_at_all(compared(0, 0.95)) == Doubt("within_noise")
+    assert whether_at_all(compared(0, 1.1)) is None
 
 
 def test_ambiguity_from_a_check_names_no_other_effects() -> None:
-    said = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage", "coulomb_friction"])
+    said = statement("ambiguous", 0.0, ["valve_leakage", "coulomb_friction"])
     assert "valve_leakage and coulomb_friction do not predict data that they were not fitted to" in said
     assert "cannot tell which" not in said
     close = [replace(RIVAL, separation=0.4)]
-    words = statement(Verdict.AMBIGUOUS, 0.0, [], close)
+    words = statement("ambiguous", 0.0, [], close)
     assert not re.search(r"\bcos\b|d = |mBIC|sigma|χ²", words)  # those are evidence, not the answer
-    assert "cannot tell which" in statement(Verdict.AMBIGUOUS, 0.0, [], close)
-    both = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage"], close)
+    assert "cannot tell which" in statement("ambiguous", 0.0, [], close)
+    both = statement("ambiguous", 0.0, ["valve_leakage"], close)
     assert "cannot tell which" in both
     assert both.endswith("valve_leakage does not predict data that it was not fitted to")
 
@@ -231,17 +224,10 @@ def test_values_beyond_the_usual_range_are_reported() -> None:
     assert f"(cos 0.94) with its {beyond}" in rival_text(replace(RIVAL, unusual=beyond))
     known = library(find_family("hydraulic_cylinder"))["viscous_friction"]
     chosen: Any = [(SimpleNamespace(effect=known), SimpleNamespace(parameters={}))]
-    said = verdict_text(
-        Verdict.AMBIGUOUS,
-        cast("ModelComparison", None),
-        chosen,
-        [],
-        leaves(0.02),
-        {},
-        against=[f"{known.name} fits only with its {beyond}"],
-    ).text
+    against = [UnusualSize(known.name, beyond)]
+    said = worded(conclude("ambiguous", chosen, [], leaves(0.02), {}, against=against)).text
     assert f"as well as this, but viscous_friction fits only with its {beyond}: " in said
-    assert said.endswith("That is not all: 0.02 is left")
+    assert said.endswith("That is not all: 2 % of the misfit is left (p = 0.001)")
 
 
 def fitted(outputs: np.ndarray) -> FitResult:
@@ -332,27 +318,26 @@ def test_what_a_test_detects_without_any_size_is_not_stated_as_none() -> None:
     known = library(find_family("hydraulic_cylinder"))
     chosen = [SimpleNamespace(effect=known[name]) for name in ("valve_leakage", "viscous_friction")]
     pair: Any = SimpleNamespace(candidates=chosen, unusual={}, undetermined=())
-    left = Remainder(0.0, 0.0, 0.003, "", "", "", "a test still detects something")
-    (reason,) = against_identity(pair, {}, left, 500.0**2)
-    assert reason.startswith("together they leave a detectable pattern that no other shape of their laws")
+    left = Remainder(0.0, 0.0, 0.003, "", "", "")
+    (reason,) = reasons_against(pair, {}, left, 500.0**2)
+    assert reason_text(reason).startswith(
+        "together they leave a detectable pattern that no other shape of their laws"
+    )
 
 
 def test_the_opening_of_a_statement_has_all_reasons_and_the_effects_by_name() -> None:
     """It used to be the statement up to its first colon, which a reason may contain."""
     known = library(find_family("hydraulic_cylinder"))["viscous_friction"]
     chosen: Any = [(SimpleNamespace(effect=known), SimpleNamespace(parameters={}))]
-    before = cast("ModelComparison", None)
-    reasons = [
-        "these data do not determine coefficient: the 95 % interval includes 0",
-        "viscous_friction does not predict data that it was not fitted to",
-    ]
-    said = verdict_text(Verdict.AMBIGUOUS, before, chosen, [], None, {}, against=reasons)
+    against = [UndeterminedSize("viscous_friction"), NotPredicted(("viscous_friction",))]
+    reasons = list(map(reason_text, against))
+    said = worded(conclude("ambiguous", chosen, [], None, {}, against=against))
     assert said.opening == (
         "Something is missing. No other effect of the library explains it as well as viscous_friction, but "
         f"{reasons[0]}, and {reasons[1]}"
     )
     assert said.text.startswith(said.opening.replace("viscous_friction, but", "this, but"))
-    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, chosen, [], leaves(0.4), {})
+    said = worded(conclude("outside", chosen, [], leaves(0.4), {}))
     assert said.opening.startswith(
         "Something is missing. The nearest in the library is viscous_friction, but it leaves 40 % of"
     )
