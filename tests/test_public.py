@@ -15,7 +15,7 @@ import pytest
 
 import rigctl
 import rigctl.dataset
-import rigctl.front_door
+import rigctl.public_names
 from rigctl.notebook import as_html
 from rigctl.runner.simulation import Simulation
 
@@ -46,7 +46,7 @@ def test_the_table_of_public_names_matches_the_imports_for_type_checkers() -> No
     read = {
         alias.asname: (node.module, alias.name) for node in imports for alias in node.names if alias.asname
     }
-    assert {*read, "Family"} == rigctl.front_door.PUBLIC.keys()
+    assert {*read, "Family"} == rigctl.public_names.PUBLIC.keys()
     for name, (module, there) in read.items():
         assert getattr(rigctl, name) is getattr(import_module(str(module)), there)
 

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from rigctl.dataset import Run, open_run
 from rigctl_validation.bench import record as bench_record
 from rigctl_validation.bench.campaign import Campaign, clean_outputs, operating_points
-from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.bench.parameters import BenchParameters
 from rigctl_validation.benches.bench import BenchCampaign, write_bench
 from rigctl_validation.benches.register import find_bench
 from rigctl_validation.campaign_run import make_run
@@ -28,7 +28,7 @@ RIG = ROOT / "rigs" / "hl32-bench.yaml"
 CHAMBERS_RIG = ROOT / "rigs" / "hl32-bench-instrumented.yaml"
 MODEL = ROOT / "models" / "hl32-textbook.yaml"
 #: the published campaign, 28 records of 376 samples, with a leaking valve
-STANDARD = Campaign(bench=Bench(spool_leak=8e-15), seed=1)
+STANDARD = Campaign(bench=BenchParameters(spool_leak=8e-15), seed=1)
 #: hidden at once, each of its typical size
 THREE = ("valve_leakage", "coulomb_friction", "flow_area_thermal_drift")
 #: of long records: samples a second, so that one has ten thousand

@@ -29,7 +29,7 @@ from rigctl.monitoring.significance import scan
 from rigctl.monitoring.survey import survey
 from rigctl.tasks import Workers
 from rigctl_validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, Scatter
-from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.bench.parameters import BenchParameters
 from rigctl_validation.campaign_run import make_run
 
 HERE, ROOT = Path(__file__).parent, Path(__file__).parents[2]
@@ -84,7 +84,7 @@ def _year(folder: Path, runs: int, seed: int, grown: float) -> None:
     """A year on the separate bench: each run's throttle and damping scatter; the leak grows from 40 % on."""
     draw = np.random.default_rng(seed)
     for k in range(runs):
-        bench = Bench(
+        bench = BenchParameters(
             spool_leak=2e-15 + grown * max(0.0, k / runs - 0.4) / 0.6,
             throttle_area=3.3e-6 * (1 + 0.002 * draw.standard_t(3)),
             damping=120.0 * (1 + 0.03 * draw.standard_t(3)),
@@ -141,7 +141,7 @@ def cost(runs: int) -> dict[str, float]:
         folder = Path(place)
         for k in range(runs):
             campaign = Campaign(
-                bench=Bench(spool_leak=2e-15),
+                bench=BenchParameters(spool_leak=2e-15),
                 scatter=Scatter(setting=0.002),
                 temperatures=TEMPERATURES,
                 pressures=PRESSURES,

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from rigctl.front_door import PUBLIC, load
+from rigctl.public_names import PUBLIC, load
 
 if TYPE_CHECKING:
     from rigctl.analysis.comparison import compare as compare

@@ -53,7 +53,7 @@ def searched(
     """A search whose best set explains 600 in χ² and leaves residuals with these test results."""
     before: Any = SimpleNamespace(adequacy=Adequacy(REJECTS), adequate=False)
     search = Search(before, cast("Any", None))
-    search.none = RefittedSet((), cast("FitResult", None), 1500.0, 0)
+    search.null = RefittedSet((), cast("FitResult", None), 1500.0, 0)
     best = RefittedSet(chosen, cast("FitResult", fit), 900.0, len(chosen))
     here: Any = SimpleNamespace(
         adequacy=adequacy,
@@ -62,7 +62,7 @@ def searched(
         view=lambda _: here,  # no law is changed by the shape tolerance
         scatter=lambda _: None,  # and no size scatters
     )
-    search.tolerance, search.start, search.in_own_scale = 0.1, before, False
+    search.tolerance, search.null_tests, search.in_own_scale = 0.1, before, False
     search.at = lambda _: here  # type: ignore[method-assign]
     return search, best
 
@@ -74,7 +74,7 @@ def test_the_excess_of_a_rejected_set_remains_when_its_error_is_below_the_noise(
     assert search.excess(best) == pytest.approx(240.0 - 10 - 2.33 * 4.5)
     assert search.left(best) > 0.2
     assert not search.sure(best)
-    assert search.left(search.none) == 1.0
+    assert search.left(search.null) == 1.0
 
 
 def test_differences_weigh_less_where_the_tests_reject_an_error_below_the_noise() -> None:

@@ -325,7 +325,7 @@ def pair() -> tuple[Search, Any]:
     )
     search = Search(before, before.whole)
     alpha, beta = (one for one in before.linearisation.candidates if one.name in ("alpha", "beta"))
-    first, _ = (search.refitted([one], search.none) for one in (alpha, beta))
+    first, _ = (search.refitted([one], search.null) for one in (alpha, beta))
     assert first is not None
     return search, search.refitted([alpha, beta], first)
 

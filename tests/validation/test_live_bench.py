@@ -14,7 +14,7 @@ from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
 from rigctl_validation.bench import equations
 from rigctl_validation.bench.campaign import Campaign, Scatter
-from rigctl_validation.bench.parameters import Bench, Sensors, Switching
+from rigctl_validation.bench.parameters import BenchParameters, Sensors, Switching
 from rigctl_validation.bench.record import RATE, STANDARD, Condition, simulate_record
 from rigctl_validation.bench.running import RunningBench
 from rigctl_validation.bench.sensing import Noise
@@ -41,7 +41,7 @@ def _followed(bench: RunningBench, schedule: tuple[tuple[float, float], ...]) ->
     "switching", [Switching(), Switching(open_delay=0.013, close_delay=0.0271, delay_per_kelvin=1e-4)]
 )
 def test_the_live_bench_agrees_with_simulated_whole_records(switching: Switching) -> None:
-    hidden = Bench(coulomb=150.0, spool_leak=4e-15, pressure_time=0.01)
+    hidden = BenchParameters(coulomb=150.0, spool_leak=4e-15, pressure_time=0.01)
     whole = simulate_record(hidden, _WARM, switching=switching)
     live = _followed(RunningBench(Campaign(bench=hidden, switching=switching), _WARM), STANDARD)
     # steps end at other times, so the two differ by the tolerance of the integrator

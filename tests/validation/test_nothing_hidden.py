@@ -11,7 +11,7 @@ from rigctl.engine.simulate import simulate
 from rigctl.model import build_system
 from rigctl.physics.families import find_family
 from rigctl_validation.bench import equations
-from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.bench.parameters import BenchParameters
 from rigctl_validation.bench.record import STANDARD, Condition, simulate_record
 from rigctl_validation.bench.sensing import CHANNELS, Noise
 
@@ -29,7 +29,7 @@ def test_bench_and_model_agree_to_half_the_noise_of_one_sample(
     compiled: CompiledSystem, oil: float, pressure: float
 ) -> None:
     condition = Condition(oil=oil + 273.15, setting=pressure * 1e5)
-    trace = simulate_record(Bench(), condition)
+    trace = simulate_record(BenchParameters(), condition)
     found = simulate(compiled, [excitation(compiled, condition, trace.states[0], trace.time)]).require()
     for place, name in enumerate(found.output_names):
         difference = found.outputs[0][:, place] - trace.states[:, CHANNELS[name]]

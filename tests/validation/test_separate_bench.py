@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from rigctl_validation.bench import equations, rosenbrock
 from rigctl_validation.bench.campaign import Campaign, Scatter, simulate_campaign
 from rigctl_validation.bench.compiled import compiled, folder_of
-from rigctl_validation.bench.parameters import Bench, Sensors, Switching
+from rigctl_validation.bench.parameters import BenchParameters, Sensors, Switching
 from rigctl_validation.bench.record import STANDARD, Condition, initial_state, simulate_record
 from rigctl_validation.bench.sensing import Noise, coloured, play
 
@@ -21,7 +21,7 @@ STROKES = {20.0: 77.4, 30.0: 94.9, 40.0: 109.6, 50.0: 122.6}  # mm at 20 degC, a
 
 def stroke(pressure: float, oil: float = 20.0, **secrets: float) -> float:
     """Stroke of a standard record in mm."""
-    trace = simulate_record(Bench(**secrets), Condition(oil=oil + 273.15, setting=pressure * 1e5))
+    trace = simulate_record(BenchParameters(**secrets), Condition(oil=oil + 273.15, setting=pressure * 1e5))
     end = trace.states[np.flatnonzero(trace.command > 0)[-1] + 50, equations.X]
     return 1e3 * float(end - trace.states[0, equations.X])
 
@@ -38,7 +38,10 @@ def test_the_textbook_stroke_increases_with_temperature() -> None:
 
 
 def test_trajectories_agree_with_lsoda() -> None:
-    bench, condition = Bench(coulomb=60.0, static=30.0, air=0.005), Condition(oil=313.15, setting=30e5)
+    bench, condition = (
+        BenchParameters(coulomb=60.0, static=30.0, air=0.005),
+        Condition(oil=313.15, setting=30e5),
+    )
     trace = simulate_record(bench, condition)
     state, states = initial_state(bench, condition), []
     for command, duration in STANDARD:
@@ -61,7 +64,7 @@ def test_trajectories_agree_with_lsoda() -> None:
 
 
 def test_every_hidden_parameter_acts_and_is_off_by_default() -> None:
-    plain = simulate_record(Bench(), Condition(oil=333.15, setting=50e5)).states
+    plain = simulate_record(BenchParameters(), Condition(oil=333.15, setting=50e5)).states
     secrets = {
         "piston_gap": 3e-5, "spool_leak": 4e-15, "cap_leak": 1e-14, "rod_leak": 1e-14, "pump_slip": 3.5e-14,
         "relief_extra_r": 1e9, "relief_drift": -2e-3, "transition": 100.0, "throttle_drift": -1e-3,
@@ -70,17 +73,21 @@ def test_every_hidden_parameter_acts_and_is_off_by_default() -> None:
         "constant_load": 500.0, "spool_second": 0.02, "wall_capacity": 5e4, "radiation": 1.0,
     }  # fmt: skip
     for name, value in secrets.items():
-        assert getattr(Bench(), name) == 0.0, name
+        assert getattr(BenchParameters(), name) == 0.0, name
         extra = {"piston_gap": 3e-5} if name == "barus" else {}  # viscosity shows only where it acts
-        base = plain if not extra else simulate_record(Bench(**extra), Condition(333.15, 50e5)).states
-        changed = simulate_record(Bench(**{name: value, **extra}), Condition(333.15, 50e5)).states
+        base = (
+            plain if not extra else simulate_record(BenchParameters(**extra), Condition(333.15, 50e5)).states
+        )
+        changed = simulate_record(BenchParameters(**{name: value, **extra}), Condition(333.15, 50e5)).states
         assert np.abs(changed - base)[:, : equations.BRISTLE].max() > 0.0, name
 
 
 def test_valve_delays_shift_the_motion_in_time_only() -> None:
     condition = Condition(oil=293.15, setting=30e5)
-    late = simulate_record(Bench(), condition, switching=Switching(open_delay=0.05, close_delay=0.05))
-    plain = simulate_record(Bench(), condition)
+    late = simulate_record(
+        BenchParameters(), condition, switching=Switching(open_delay=0.05, close_delay=0.05)
+    )
+    plain = simulate_record(BenchParameters(), condition)
     moved = late.states[10:300, equations.X] - plain.states[5:295, equations.X]
     assert np.abs(moved).max() < 2e-6
 
@@ -107,9 +114,9 @@ def test_campaign_is_reproducible_and_repeats_conditions() -> None:
 
 
 def test_compiled_machine_code_is_reused_from_the_cache() -> None:
-    simulate_record(Bench(), Condition(300.0, 30e5))
+    simulate_record(BenchParameters(), Condition(300.0, 30e5))
     later = compiled(rosenbrock.integrate.py_func)
-    bench, inputs, scale = Bench(), np.array([0.0, 30e5, 0.0, 295.0]), np.array(equations.SCALE)
+    bench, inputs, scale = BenchParameters(), np.array([0.0, 30e5, 0.0, 295.0]), np.array(equations.SCALE)
     later(initial_state(bench, Condition(300.0, 30e5)), 1e-4, 1e-5, inputs, bench, scale, 1e-6)
     assert (sum(later.stats.cache_hits.values()), sum(later.stats.cache_misses.values())) == (1, 0)
 

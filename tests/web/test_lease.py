@@ -21,11 +21,15 @@ def test_one_window_commands_until_another_takes_over(lease: Lease) -> None:
     with pytest.raises(RigctlError, match="window 1 has the controls"):
         lease.take("b", over=False)
     lease.take("a", over=False)
-    assert (lease.told("a")["mine"], lease.told("b")["mine"], lease.told("b")["holder"]) == (True, False, 1)
+    assert (lease.seen_by("a")["mine"], lease.seen_by("b")["mine"], lease.seen_by("b")["holder"]) == (
+        True,
+        False,
+        1,
+    )
     lease.take("b", over=True)
-    assert (lease.told("a")["mine"], lease.told("b")["mine"]) == (False, True)
+    assert (lease.seen_by("a")["mine"], lease.seen_by("b")["mine"]) == (False, True)
     lease.give("a")  # it does not hold the controls
-    assert lease.told("b")["mine"] is True
+    assert lease.seen_by("b")["mine"] is True
     lease.give("b")
     lease.take("a", over=False)
 
@@ -35,9 +39,9 @@ def test_a_window_keeps_the_controls_only_for_the_time_of_a_reload(lease: Lease)
     with pytest.raises(RigctlError, match="has the controls"):
         lease.take("b", over=False)
     lease._windows["a"].seen -= 10.0
-    assert lease.told("b")["holder"] is None
+    assert lease.seen_by("b")["holder"] is None
     lease.take("b", over=False)
-    assert lease.told("b") == {"holder": 2, "mine": True, "window": 2, "viewers": 1}
+    assert lease.seen_by("b") == {"holder": 2, "mine": True, "window": 2, "viewers": 1}
 
 
 def test_a_window_with_two_connections_is_closed_with_the_second(lease: Lease) -> None:

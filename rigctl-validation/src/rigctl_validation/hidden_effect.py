@@ -17,14 +17,14 @@ from typing import Any, Literal, TypeAlias
 
 from rigctl.errors import RigctlError
 from rigctl_validation.bench.campaign import Campaign
-from rigctl_validation.bench.parameters import Bench, Sensors, Switching
+from rigctl_validation.bench.parameters import BenchParameters, Sensors, Switching
 
 Shape: TypeAlias = Literal["same", "other", "wrong"]
 SHAPES: tuple[Shape, ...] = ("same", "other", "wrong")
 
 #: the part of a campaign to which a field belongs
 _PLACE = (
-    dict.fromkeys(Bench._fields, "bench")
+    dict.fromkeys(BenchParameters._fields, "bench")
     | dict.fromkeys(Sensors._fields, "sensors")
     | dict.fromkeys(Switching._fields, "switching")
 )
@@ -39,7 +39,7 @@ class HiddenEffect:
     effect: its name in the library.
     parameter: the library's leading parameter, whose value (SI) is the amplitude.
     typical, largest: amplitudes, SI; beyond the largest the bench is no longer plausible.
-    amounts: maps the amplitude to what is added to fields of `Bench`, `Sensors` or `Switching`.
+    amounts: maps the amplitude to what is added to fields of `BenchParameters`, `Sensors` or `Switching`.
     shapes: fields that define each shape; others keep their defaults.
     differs: how the other shapes differ from the library's, in words.
     signs: physically possible directions, in the library's sense.

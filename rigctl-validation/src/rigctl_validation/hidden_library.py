@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from rigctl.errors import unknown_name
-from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.bench.parameters import BenchParameters
 from rigctl_validation.hidden_effect import HiddenEffect, Shape
 
 #: a viscosity law that agrees at 40 degC and is 12 % too thick at 80 degC
@@ -40,7 +40,7 @@ def _nothing(_amplitude: float) -> Mapping[str, float]:
 
 def _piston(conductance: float) -> Mapping[str, float]:
     """The gap of an eccentric piston that leaks `conductance` [m³]."""
-    bench = Bench()
+    bench = BenchParameters()
     eccentric = 1.0 + 1.5 * bench.piston_eccentricity**2
     cube = 12.0 * bench.piston_length * conductance / (math.pi * 0.050 * eccentric)
     return {"piston_gap": cube ** (1.0 / 3.0)}

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from rigctl_validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, Scatter
-from rigctl_validation.bench.parameters import Bench
+from rigctl_validation.bench.parameters import BenchParameters
 from rigctl_validation.bench.sensing import TEN_BITS, Noise
 from rigctl_validation.hidden_effect import Shape, hide
 from rigctl_validation.hidden_library import find_hidden
@@ -120,10 +120,10 @@ class Scenario:
         pairs = [(find_hidden(w.effect), a) for w, a in zip(self.hidden, amplitudes, strict=True)]
         return hide(replace(self.plain, bench=self._bench()), pairs, self.shape)
 
-    def _bench(self) -> Bench:
+    def _bench(self) -> BenchParameters:
         """The bench as built: it deviates from its drawings by up to two standard deviations."""
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(self.seed, spawn_key=(0,))))
-        drawn = Bench()
+        drawn = BenchParameters()
         for name, std in TOLERANCES.items():
             off = float(np.clip(rng.standard_normal(), -2.0, 2.0))
             drawn = drawn._replace(**{name: getattr(drawn, name) + std * off})

@@ -275,7 +275,7 @@ def _members(best: RefittedSet, ranking: Sequence[Ranked]) -> list[tuple[Candida
 def _laws_instead(search: Search) -> tuple[LawAnswer, ...]:
     """If something is missing and nothing is named, the law of an effect already in the model may be at
     fault: such a law is reported only if it removes nearly all of the misfit."""
-    return laws_instead(search) if search.none.fit.problem.model.with_laws else ()
+    return laws_instead(search) if search.null.fit.problem.model.with_laws else ()
 
 
 def _searched_with_sensors(
@@ -313,12 +313,12 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
         return Search(compared, compared.whole, most=most, on_progress=on_progress, given=before)
 
     def ended(search: Search) -> RefittedSet:
-        return search.none if agrees_within_tolerance(search) else search.best()
+        return search.null if agrees_within_tolerance(search) else search.best()
 
     search = begun(before)
     scaled = search.in_own_scale and not agrees_within_tolerance(search)
     if scaled:
-        again = in_scale_of(search, search.none, independent=True)
+        again = in_scale_of(search, search.null, independent=True)
         search = search if again is None else begun(again)
     for turn in range(_SCALES if scaled else 0):
         # in the scale of what the nearest set leaves another one may be nearer, and leave less
@@ -341,12 +341,12 @@ def _tolerated(search: Search, best: RefittedSet) -> WithinTolerance | MostlyWit
         return None if search.before.adequate else WithinTolerance(laws, search.before.adequacy.p_value)
     if best.candidates or not search.has_discrepancies:
         return None
-    paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.none)]
+    paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.null)]
     if not paying:
         return None
     nearest = min(paying, key=search.mbic)
-    explained = search.none.chi2 - nearest.chi2
-    beyond = max(search.evidence(search.none) - search.evidence(nearest), 0.0) / explained
+    explained = search.null.chi2 - nearest.chi2
+    beyond = max(search.evidence(search.null) - search.evidence(nearest), 0.0) / explained
     return MostlyWithinTolerance(laws, nearest.effects, beyond)
 
 

@@ -342,7 +342,7 @@ def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
     if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED) or diagnosis.doubt:
         return []
     sets = RefittedSets(diagnosis.before, diagnosis.before.whole)
-    best, nothing = diagnosis.best, sets.mbic(sets.none)
+    best, nothing = diagnosis.best, sets.mbic(sets.null)
     if not best.candidates or len(best.candidates) > room or sets.mbic(best) >= nothing:
         return []
     singles = [_single(diagnosis, member) for member in best.candidates] if len(best.candidates) > 1 else []

@@ -56,8 +56,8 @@ def survey_answer(survey: Survey, written: Sequence[Path] = ()) -> Answer:
 def survey_evidence(survey: Survey) -> list[Block]:
     """The values of the runs, the tested quantities, and what could not be read."""
     rest = len(survey.judged.tested) - _TESTS
-    told = _notes_on_data(survey)
-    notes = [text for text in map(survey.note_text, survey.data_notes) if text not in told]
+    stated = _notes_on_data(survey)
+    notes = [text for text in map(survey.note_text, survey.data_notes) if text not in stated]
     return [
         runs_table(survey),
         tests_table(survey, _TESTS),

@@ -16,7 +16,7 @@ from rigctl.design.recipe import Recipe
 from rigctl.errors import RigctlError
 from rigctl.plan.action import Action
 from rigctl.plan.forecast import State
-from rigctl.planning.bench import Bench, bench_of, initial_state
+from rigctl.planning.bench import ForecastBench, bench_of, initial_state
 from rigctl.planning.preview import Preview, preview
 from rigctl.procedure.expand import expand
 from rigctl.procedure.load import parse_procedure
@@ -50,7 +50,7 @@ class RigTime:
     rig: Rig
 
     @cached_property
-    def bench(self) -> Bench:
+    def bench(self) -> ForecastBench:
         """The bench as used by forecasts."""
         return bench_of(self.rig)
 

@@ -126,7 +126,7 @@ def discover_beside(
     report("Scoring formulas")
     scored = score_formulas(opened, searched.most_wanted, samples)
     fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, report, workers)
-    none = RefittedSets(before, before.whole).none
+    none = RefittedSets(before, before.whole).null
     paying = [one for one in fitted if one.cost < none.chi2]
     chosen = within(paying)
     formulas = tuple(_found(one, chosen[0], opened, none) for one in chosen)

@@ -25,7 +25,7 @@ _GOES_ON = ("unclosed", "interrupted", "aborted")
 Attended = Callable[[Launch, Plan], AbstractContextManager[Launch]]
 
 
-class Bench(Protocol):
+class LearningBench(Protocol):
     """Interface of learning to a bench: carry out a procedure, and forecast its duration."""
 
     def plan(self, procedure: Path, arguments: Mapping[str, str]) -> Plan:

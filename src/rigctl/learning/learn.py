@@ -19,7 +19,7 @@ from rigctl.design.result import DesignResult
 from rigctl.design.text import HALF
 from rigctl.discovery.gate import gate_of
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.learning.bench import Bench, seconds_of
+from rigctl.learning.bench import LearningBench, seconds_of
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.learning_folder import LearningFolder
 from rigctl.learning.predicted_and_achieved import prediction_of, round_outcome
@@ -54,7 +54,7 @@ class Learner:
     """
 
     kept: LearningFolder
-    bench: Bench
+    bench: LearningBench
     runs: Path
     ask: Ask
     working: Callable[[], AbstractContextManager[OnProgress]] = lambda: nullcontext(lambda _: None)

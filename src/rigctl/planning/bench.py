@@ -10,7 +10,7 @@ from rigctl.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
-class Bench:
+class ForecastBench:
     """A rig as forecasts see it."""
 
     rig: Rig
@@ -40,12 +40,12 @@ class Bench:
         return self.cylinder.speed(direction, state.pressure) if self.cylinder is not None else None
 
 
-def bench_of(rig: Rig) -> Bench:
+def bench_of(rig: Rig) -> ForecastBench:
     """The bench that a rig file describes."""
-    return Bench(rig, tank_of(rig), cylinder_of(rig), rig.backend.kind == "simulated")
+    return ForecastBench(rig, tank_of(rig), cylinder_of(rig), rig.backend.kind == "simulated")
 
 
-def initial_state(bench: Bench) -> State:
+def initial_state(bench: ForecastBench) -> State:
     """The initial state in the rig file; by default room temperature, no pressure, retracted."""
     rig = bench.rig
     initial = rig.simulation.initial

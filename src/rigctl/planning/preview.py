@@ -11,7 +11,7 @@ from rigctl.notebook import one_line
 from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode, Visitor, all_nodes
 from rigctl.plan.action import Action
 from rigctl.plan.forecast import Basis, State
-from rigctl.planning.bench import Bench, bench_of, initial_state
+from rigctl.planning.bench import ForecastBench, bench_of, initial_state
 from rigctl.planning.board_loops import not_on_board
 from rigctl.planning.limits import LimitUse, limits_used
 from rigctl.planning.rates import too_fast
@@ -166,7 +166,7 @@ def preview(plan: Plan) -> Preview:
 class _Walker(Visitor[PreviewNode]):
     """Carries the expected state from step to step."""
 
-    def __init__(self, bench: Bench, state: State) -> None:
+    def __init__(self, bench: ForecastBench, state: State) -> None:
         self.bench = bench
         self.state = state
         self.reached: dict[str, tuple[float, float]] = {}

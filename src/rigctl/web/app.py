@@ -24,7 +24,7 @@ from rigctl.web.new_project import fill, is_empty
 from rigctl.web.parts import PARTS
 from rigctl.web.request_handling import delete, get, post, read_fields, refusal_text
 from rigctl.web.request_timeout import PATIENCE
-from rigctl.web.server_state import Part, Site
+from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -113,14 +113,14 @@ async def _not_found(_: Request, __: Exception) -> Response:
     return Response(refusal_text("there is nothing at this address"), 404, media_type="application/json")
 
 
-def _page(part: Part) -> Any:
+def _page(part: PagePart) -> Any:
     async def endpoint(_: Request) -> Response:
         return HTMLResponse(shell(part))
 
     return endpoint
 
 
-def shell(part: Part) -> str:
+def shell(part: PagePart) -> str:
     """The frame page of a part; it contains no data of the project, which its script requests."""
     links = "\n".join(_link(each, current=each is part) for each in PARTS)
     return _template().substitute(
@@ -128,7 +128,7 @@ def shell(part: Part) -> str:
     )
 
 
-def _link(part: Part, *, current: bool) -> str:
+def _link(part: PagePart, *, current: bool) -> str:
     mark = ' aria-current="page"' if current else ""
     return f'<li><a href="/{escape(part.name)}"{mark}>{escape(part.title)}</a></li>'
 

@@ -146,7 +146,7 @@ class ByHand:
                 self._leave_another()
             if request.text("glance", "") != "1":  # a window that shows a run only looks whether all is safe
                 self._asked[request.viewer] = monotonic()
-            if self._lease.told(request.viewer)["mine"]:  # without a socket, asking shows that it is there
+            if self._lease.seen_by(request.viewer)["mine"]:  # without a socket, asking shows that it is there
                 self._lease.take(request.viewer, over=False)
             doing = self._command
             return {
@@ -425,7 +425,7 @@ class ByHand:
                     return
                 now = monotonic()
                 self._asked = {viewer: at for viewer, at in self._asked.items() if now - at < _GONE}
-                commands = bool(self._lease.told(self._opener)["mine"]) if self._opener else False
+                commands = bool(self._lease.seen_by(self._opener)["mine"]) if self._opener else False
                 if not self._asked or (self._opener and not (self._opener in self._asked and commands)):
                     self.leave()
 

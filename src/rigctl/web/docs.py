@@ -14,7 +14,7 @@ from starlette.responses import Response
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.web.request_handling import PageRequest, get
-from rigctl.web.server_state import Part, Site
+from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
@@ -90,4 +90,4 @@ def policy(html: str) -> str:
     )
 
 
-PART = Part("docs", "Docs", "How to work with rigctl.", routes)
+PART = PagePart("docs", "Docs", "How to work with rigctl.", routes)

@@ -73,7 +73,7 @@ class Lease:
             if self._holder == viewer:
                 self._holder = ""
 
-    def told(self, viewer: str) -> dict[str, object]:
+    def seen_by(self, viewer: str) -> dict[str, object]:
         """The state of the right for a window."""
         with self._lock:
             holder = self._holder if self._holder and self._is_present(self._holder) else ""

@@ -21,7 +21,7 @@ from rigctl.json_values import parse_json
 from rigctl.web.by_hand import ByHand
 from rigctl.web.lease import Lease
 from rigctl.web.request_handling import PageRequest, get, post
-from rigctl.web.server_state import Part, Site
+from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
@@ -72,7 +72,7 @@ class Live:
     def runs(self, request: PageRequest) -> dict[str, Any]:
         """The ids of the runs in progress, newest first, and who has the controls."""
         ids = [folder.name for folder in self._in_progress()]
-        return {"runs": ids, "lease": self._lease.told(request.viewer)}
+        return {"runs": ids, "lease": self._lease.seen_by(request.viewer)}
 
     def snapshot(self, request: PageRequest) -> dict[str, Any]:
         """The data that the socket sends, for a browser without WebSockets."""
@@ -86,7 +86,7 @@ class Live:
         window = float(request.whole("window", 60, int(_WINDOWS[0]), int(_WINDOWS[1])))
         width = request.whole("width", 600, *_WIDTHS)
         snapshot = feed.snapshot(after, window, width)
-        return {**snapshot, "run": about(feed.header), "lease": self._lease.told(request.viewer)}
+        return {**snapshot, "run": about(feed.header), "lease": self._lease.seen_by(request.viewer)}
 
     def lease_asked(self, request: PageRequest) -> dict[str, Any]:
         """Acquire the controls, take them over, or release them."""
@@ -94,7 +94,7 @@ class Live:
             self._lease.give(request.viewer)
         else:
             self._lease.take(request.viewer, over=request.body.get("over") is True)
-        return self._lease.told(request.viewer)
+        return self._lease.seen_by(request.viewer)
 
     def request(self, request: PageRequest) -> dict[str, Any]:
         """Pause, continue or abort a run, as the commands of these names do."""
@@ -159,9 +159,9 @@ class Live:
 
     # --- inside -------------------------------------------------------------------------------------------
 
-    def told(self, viewer: str) -> dict[str, object]:
+    def lease_seen_by(self, viewer: str) -> dict[str, object]:
         """The window with the controls."""
-        return self._lease.told(viewer)
+        return self._lease.seen_by(viewer)
 
     def ids(self) -> list[str]:
         """The runs in progress, newest first."""
@@ -282,7 +282,7 @@ class _Window:
                 if monotonic() >= look:
                     look = monotonic() + _LOOK
                     await self._say("runs", await run_in_threadpool(self._live.ids))
-                    await self._say("lease", self._live.told(self._viewer))
+                    await self._say("lease", self._live.lease_seen_by(self._viewer))
                 await self._hand_on()
                 with suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(self._changed.wait(), _LOOK)
@@ -345,4 +345,4 @@ def _between(given: object, otherwise: float, low: float, high: float) -> float:
     return float(min(max(given, low), high))  # an integer may be too large for a float
 
 
-PART = Part("live", "Live", "The run in progress, watched and commanded.", routes)
+PART = PagePart("live", "Live", "The run in progress, watched and commanded.", routes)

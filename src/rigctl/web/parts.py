@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from rigctl.web import docs, live, procedure, report, runs, workbench
-from rigctl.web.server_state import Part
+from rigctl.web.server_state import PagePart
 
-PARTS: tuple[Part, ...] = (runs.PART, live.PART, workbench.PART, procedure.PART, report.PART, docs.PART)
+PARTS: tuple[PagePart, ...] = (runs.PART, live.PART, workbench.PART, procedure.PART, report.PART, docs.PART)

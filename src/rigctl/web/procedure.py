@@ -18,7 +18,7 @@ from rigctl.errors import ExitCode, RigctlError, SeveralErrors
 from rigctl.files.regular import read_text
 from rigctl.web.report import inside, project_files
 from rigctl.web.request_handling import PageRequest, get, post
-from rigctl.web.server_state import Part, Site
+from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
@@ -297,4 +297,4 @@ def _targets(about: object) -> list[str]:
     return []
 
 
-PART = Part("procedure", "Procedure", "What a bench is to do, its plan, and its start.", routes)
+PART = PagePart("procedure", "Procedure", "What a bench is to do, its plan, and its start.", routes)

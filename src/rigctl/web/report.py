@@ -16,7 +16,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.runs import plain_id
-from rigctl.web.server_state import Part, Site
+from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
@@ -106,4 +106,4 @@ def inside(root: Path, name: str) -> Path:
     return root.resolve() / path.relative_to(root.resolve())
 
 
-PART = Part("report", "Report", "What one or more runs have shown.", routes)
+PART = PagePart("report", "Report", "What one or more runs have shown.", routes)

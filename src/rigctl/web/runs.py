@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import RigctlError
 from rigctl.web.request_handling import PageRequest, get, post
-from rigctl.web.server_state import Part, Site
+from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
@@ -179,4 +179,4 @@ def _records(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-PART = Part("runs", "Runs", "What was measured: found, sorted, annotated, compared.", routes)
+PART = PagePart("runs", "Runs", "What was measured: found, sorted, annotated, compared.", routes)

@@ -73,7 +73,7 @@ class Site:
 
 
 @dataclass(frozen=True)
-class Part:
+class PagePart:
     """One entry of the navigation.
 
     Parameters

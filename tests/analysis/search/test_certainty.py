@@ -13,7 +13,7 @@ import pytest
 from linear_problem import PLAIN, compared, made_design, made_effect
 from rigctl.analysis.linear.size_scatter import SizeScatter
 from rigctl.analysis.search import certainty
-from rigctl.analysis.search.certainty import Answer, certain_levels
+from rigctl.analysis.search.certainty import FoundSet, certain_levels
 from rigctl.analysis.search.reasons import NotPredicted
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.search import Search
@@ -26,7 +26,7 @@ LEFT = {"alpha": 0.02, "beta": 0.98}
 
 
 @pytest.fixture
-def pair(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
+def pair(monkeypatch: pytest.MonkeyPatch) -> Callable[..., FoundSet]:
     """A large alpha and a small beta as the answer, with the share that each of them leaves alone."""
     design = made_design(PLAIN, np.eye(len(PLAIN)))
     readings = design.readings({"alpha.size": 300.0, "beta.size": 30.0}, design.typical_noise())
@@ -34,9 +34,9 @@ def pair(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
     search = Search(before, before.whole)
     candidates = {one.name: one for one in before.linearisation.candidates}
 
-    def made(left: Mapping[str, float], remaining: Remainder | None = REMAINDER, **more: Any) -> Answer:
+    def made(left: Mapping[str, float], remaining: Remainder | None = REMAINDER, **more: Any) -> FoundSet:
         alpha, beta = candidates["alpha"], candidates["beta"]
-        first, second = (search.refitted([one], search.none) for one in (alpha, beta))
+        first, second = (search.refitted([one], search.null) for one in (alpha, beta))
         assert first is not None and second is not None
         both = search.refitted([alpha, beta], first)
         assert both is not None
@@ -45,17 +45,17 @@ def pair(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
         monkeypatch.setattr(certainty, "classes_of", lambda *_: more.get("alone", (("alpha",),)))
         monkeypatch.setattr(certainty, "remainder", lambda *_: REMAINDER)
         monkeypatch.setattr(certainty, "cross_validations", lambda *_: {})
-        return Answer(search, both, more.get("classes", (("alpha",), ("beta",))), {}, remaining)
+        return FoundSet(search, both, more.get("classes", (("alpha",), ("beta",))), {}, remaining)
 
     return made
 
 
-def levels(answer: Answer) -> list[tuple[bool, bool, bool]]:
+def levels(answer: FoundSet) -> list[tuple[bool, bool, bool]]:
     return [(one.place_sure, one.driver_sure, one.law_sure) for one in certain_levels(answer, (), ())]
 
 
 def test_an_effect_that_alone_leaves_no_more_than_its_law_may_stays_certain(
-    pair: Callable[..., Answer],
+    pair: Callable[..., FoundSet],
 ) -> None:
     answer = pair(LEFT)
     assert answer.best.effects == ("alpha", "beta")
@@ -70,7 +70,7 @@ def test_an_effect_that_alone_leaves_no_more_than_its_law_may_stays_certain(
     )
 
 
-def test_effects_that_only_together_explain_enough_are_not_certain(pair: Callable[..., Answer]) -> None:
+def test_effects_that_only_together_explain_enough_are_not_certain(pair: Callable[..., FoundSet]) -> None:
     """As two laws that imitate the heat of a stirrer, which is in no library."""
     answer = pair({"alpha": 0.14, "beta": 0.6})
     assert levels(answer) == [NONE, NONE]
@@ -80,7 +80,7 @@ def test_effects_that_only_together_explain_enough_are_not_certain(pair: Callabl
 
 
 def test_effects_at_other_locations_beside_the_second_one_or_alone_leave_nothing_certain(
-    pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+    pair: Callable[..., FoundSet], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elsewhere = replace(made_effect("gamma"), terms=(("elsewhere", lambda m, p: p.size),))
     by_name = {"gamma": elsewhere}
@@ -91,7 +91,7 @@ def test_effects_at_other_locations_beside_the_second_one_or_alone_leave_nothing
 
 
 def test_neither_the_worse_of_two_nor_a_law_nor_an_effect_in_a_table_is_certain(
-    pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+    pair: Callable[..., FoundSet], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not even if alone it leaves nothing, which contradicts what the pair leaves."""
     answer = pair({"alpha": 0.02, "beta": 0.02})
@@ -101,7 +101,7 @@ def test_neither_the_worse_of_two_nor_a_law_nor_an_effect_in_a_table_is_certain(
     assert levels(answer) == [NONE, NONE]
 
 
-def test_what_the_pair_shows_of_a_member_counts(pair: Callable[..., Answer]) -> None:
+def test_what_the_pair_shows_of_a_member_counts(pair: Callable[..., FoundSet]) -> None:
     """Its size follows the operating point beside the second effect."""
     follows = cast("SizeScatter", SimpleNamespace(effect="alpha", follows=True))
     answer = pair(LEFT)
@@ -111,7 +111,7 @@ def test_what_the_pair_shows_of_a_member_counts(pair: Callable[..., Answer]) -> 
 
 
 def test_an_effect_that_alone_fails_cross_validation_is_not_certain(
-    pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+    pair: Callable[..., FoundSet], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer = pair(LEFT)
     failed = [NotPredicted(("alpha",))]
@@ -119,7 +119,7 @@ def test_an_effect_that_alone_fails_cross_validation_is_not_certain(
     assert levels(answer) == [NONE, NONE]
 
 
-def test_a_complete_pair_is_judged_as_a_pair(pair: Callable[..., Answer]) -> None:
+def test_a_complete_pair_is_judged_as_a_pair(pair: Callable[..., FoundSet]) -> None:
     """What a member leaves alone is explained by the other."""
     alone = pair(LEFT, remaining=None)
     assert levels(alone) == [(True, True, True)] * 2

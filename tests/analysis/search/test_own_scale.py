@@ -135,7 +135,7 @@ def collapsing(
         before=SimpleNamespace(
             fit=fit(one, rmse=before), adequacy=SimpleNamespace(stated=("x",) if stated else ())
         ),
-        none=SimpleNamespace(chi2=100.0),
+        null=SimpleNamespace(chi2=100.0),
         samples=samples,
         library=library,
     )

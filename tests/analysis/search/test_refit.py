@@ -103,7 +103,7 @@ def test_less_of_an_effect_is_beyond_the_others_the_more_their_laws_may_deviate(
 def test_a_law_never_fits_worse_than_its_limiting_case(before: ModelComparison) -> None:
     search = Search(before, before.whole)
     drift, stribeck = candidate(DRIFT), candidate("stribeck_friction", presliding=100e-6)
-    fitted = search.refitted((drift, stribeck), search.none)
+    fitted = search.refitted((drift, stribeck), search.null)
     limiting = search.known((drift, candidate(DRY, presliding=100e-6)))
     assert fitted is not None
     assert limiting is not None

@@ -31,7 +31,7 @@ def search() -> Search:
 
 def single(search: Search, name: str) -> RefittedSet:
     lin = search.before.linearisation
-    found = search.refitted([next(one for one in lin.candidates if one.name == name)], search.none)
+    found = search.refitted([next(one for one in lin.candidates if one.name == name)], search.null)
     assert found is not None
     return found
 
@@ -52,13 +52,13 @@ def test_a_deeper_minimum_of_a_set_is_what_its_rivals_are_compared_with(
 
 
 def test_the_model_as_given_has_no_rivals_though_a_set_was_put_aside(search: Search) -> None:
-    search.aside = single(search, "alpha")
-    assert find_rivals(search, search.none) == []
+    search.unusual_best = single(search, "alpha")
+    assert find_rivals(search, search.null) == []
 
 
 def pair(search: Search, *names: str) -> RefittedSet:
     candidates = search.before.linearisation.candidates
-    found = search.refitted([one for one in candidates if one.name in names], search.none)
+    found = search.refitted([one for one in candidates if one.name in names], search.null)
     assert found is not None
     return found
 
@@ -99,7 +99,7 @@ def test_a_member_is_kept_for_what_it_explains_beyond_the_others_shape_tolerance
     alpha = replace(alpha, chi2=both.chi2 + 1000.0)
     evidence = {alpha.effects: 1000.0 * share, both.effects: 0.0}
     with_tolerance(search, monkeypatch, evidence, {alpha.effects: left})
-    search.start = search.before  # the model has no effects
+    search.null_tests = search.before  # the model has no effects
     monkeypatch.setattr(Search, "_size_scatter", lambda *_: None)
     assert search.slight(both, alpha, reached) is not kept
 
@@ -144,7 +144,7 @@ def test_what_the_scatter_of_a_size_explains_is_not_left(
 ) -> None:
     """Fitted parameters have absorbed the mean of a delay that differs from switch to switch."""
     alpha = single(search, "alpha")
-    alpha = replace(alpha, chi2=search.none.chi2 - 600.0)
+    alpha = replace(alpha, chi2=search.null.chi2 - 600.0)
     scatter = SizeScatter("alpha", 0.2, asked=True, follows=False, explained=2000.0, counts=counts)
     shaped = SimpleNamespace(shapes=("size of alpha in record 0, 0",))
     point: Any = SimpleNamespace(scatter=lambda _: scatter, shaped=lambda: shaped)

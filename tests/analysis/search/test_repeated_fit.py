@@ -102,5 +102,5 @@ def test_a_fit_that_no_inactive_effect_improves_is_kept(nothing_hidden: FitResul
 def test_a_model_that_leaves_its_noise_has_no_smaller_scale(nothing_hidden: FitResult) -> None:
     search = search_of(nothing_hidden)
     assert search.before.adequate
-    assert in_scale_of(search, search.none) is None
-    assert np.isfinite(search.none.chi2)
+    assert in_scale_of(search, search.null) is None
+    assert np.isfinite(search.null.chi2)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl_validation.bench.parameters import Bench, Sensors, Switching
+from rigctl_validation.bench.parameters import BenchParameters, Sensors, Switching
 from rigctl_validation.bench.record import Condition, Trace, simulate_record
 from rigctl_validation.bench.sensing import CHANNELS, Noise, measure, true_channels
 
@@ -41,7 +41,7 @@ class Scatter:
 class Campaign:
     """All settings of one campaign; equal seeds give identical data."""
 
-    bench: Bench = field(default_factory=Bench)
+    bench: BenchParameters = field(default_factory=BenchParameters)
     sensors: Sensors = field(default_factory=Sensors)
     switching: Switching = field(default_factory=Switching)
     noise: Noise = field(default_factory=Noise)
@@ -103,7 +103,7 @@ def _generator(seed: int, stream: int) -> np.random.Generator:
 
 
 @lru_cache(maxsize=_KEPT)
-def _trace(bench: Bench, condition: Condition, switching: Switching) -> Trace:
+def _trace(bench: BenchParameters, condition: Condition, switching: Switching) -> Trace:
     """Noise-free outputs, simulated once; the arrays are read-only."""
     trace = simulate_record(bench, condition, switching=switching)
     for array in (trace.time, trace.command, trace.states):

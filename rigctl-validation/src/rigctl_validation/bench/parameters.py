@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 
-class Bench(NamedTuple):
+class BenchParameters(NamedTuple):
     """The published bench; the fields after `base ends` are hidden effects, exactly off at their defaults."""
 
     # geometry
@@ -120,9 +120,9 @@ class Bench(NamedTuple):
     lip_p: float = 0.0  # m³/s at 3 MPa, pump to tank, with p²
     warm_slip: float = 0.0  # m³/s at 3 MPa and 40 °C, pump to tank, in proportion to p and to T − 20 °C
 
-    def in_floats(self) -> Bench:
+    def in_floats(self) -> BenchParameters:
         """The bench with floats only: integers would cause another compilation."""
-        return Bench(*map(float, self))
+        return BenchParameters(*map(float, self))
 
 
 class Sensors(NamedTuple):

@@ -8,14 +8,14 @@ from typing import Final
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl_validation.bench.campaign import Campaign, Scatter
-from rigctl_validation.bench.parameters import Bench, Sensors, Switching
+from rigctl_validation.bench.parameters import BenchParameters, Sensors, Switching
 
 #: the published campaign with sensor noise, a relief valve set to within 0.2 %, and four conditions repeated
 _MEASURED: Final = Campaign(scatter=Scatter(setting=0.002), repeated=4)
 
 RECIPES: Final[Mapping[str, Campaign]] = {
     # a worn spool: 8e-15 m^3 at each port, twice what a new one leaks at most; up to 3 mm of stroke when hot
-    "unknown-bench": replace(_MEASURED, bench=Bench(spool_leak=8e-15), seed=1),
+    "unknown-bench": replace(_MEASURED, bench=BenchParameters(spool_leak=8e-15), seed=1),
     "textbook": replace(_MEASURED, seed=2),
 }
 
@@ -29,14 +29,14 @@ def with_hidden(campaign: Campaign, hidden: Mapping[str, float]) -> Campaign:
         there is no such parameter.
     """
     for name, value in hidden.items():
-        if name in Bench._fields:
+        if name in BenchParameters._fields:
             campaign = replace(campaign, bench=campaign.bench._replace(**{name: value}))
         elif name in Sensors._fields:
             campaign = replace(campaign, sensors=campaign.sensors._replace(**{name: value}))
         elif name in Switching._fields:
             campaign = replace(campaign, switching=campaign.switching._replace(**{name: value}))
         else:
-            known = (*Bench._fields, *Sensors._fields, *Switching._fields)
+            known = (*BenchParameters._fields, *Sensors._fields, *Switching._fields)
             raise unknown_name("secret", name, known)
     return campaign
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl_validation.bench import equations
-from rigctl_validation.bench.parameters import Bench, Switching
+from rigctl_validation.bench.parameters import BenchParameters, Switching
 from rigctl_validation.bench.rosenbrock import follow
 
 #: the standard record: wait, extend, hold closed, retract — (command, seconds)
@@ -45,7 +45,7 @@ class BenchFailure(ArithmeticError):
 
 
 def simulate_record(
-    bench: Bench,
+    bench: BenchParameters,
     condition: Condition,
     *,
     switching: Switching | None = None,
@@ -102,7 +102,7 @@ def switching_delay(
     return delay
 
 
-def initial_state(bench: Bench, condition: Condition) -> NDArray[np.float64]:
+def initial_state(bench: BenchParameters, condition: Condition) -> NDArray[np.float64]:
     """After a retract: the piston leans on its end stop, cap side at tank, rod side trapped near supply."""
     state = np.zeros(equations.STATES)
     room = condition.oil - condition.ambient

@@ -180,7 +180,7 @@ _ABOUT = 12
 
 
 @dataclass(frozen=True)
-class Part:
+class ColumnGroup:
     """Columns that belong together: a slot, and the argument of its disturbance.
 
     `knots` is the number of neighbouring columns with a smooth prior; 0 for columns without an order.
@@ -203,7 +203,7 @@ class DisturbanceColumns:
     courses: (n, columns) for each record: the disturbance itself.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[ColumnGroup, ...]
     readings: tuple[Floats, ...] = field(repr=False)
     courses: tuple[Floats, ...] = field(repr=False)
 
@@ -241,7 +241,9 @@ def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> D
     ]
     slopes = _slopes(fit, with_system(problem, fit, compiled, spacing), names)
     count = len(moving) * knots
-    parts = [Part(slot, "time", slice(k * knots, (k + 1) * knots), knots) for k, slot in enumerate(moving)]
+    parts = [
+        ColumnGroup(slot, "time", slice(k * knots, (k + 1) * knots), knots) for k, slot in enumerate(moving)
+    ]
     readings = [[array[:, :, :count]] for array in slopes]
     courses = [
         [np.tile(tents(record.times - record.switch_times[0], knots, spacing), (1, len(moving)))]
@@ -254,7 +256,7 @@ def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> D
         outputs = [fit.outputs[k][:, channel] for k in fit.fitted]
         for view, bases in reading_bases(problem.records, outputs, *grid).items():
             last = count + bases[0].shape[1]
-            parts.append(Part(slot, view, slice(count, last), knots if view == "time" else 0))
+            parts.append(ColumnGroup(slot, view, slice(count, last), knots if view == "time" else 0))
             count = last
             for k, basis in enumerate(bases):
                 readings[k].append(steps[k][:, :, None] * basis[:, None, :])

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.agreement.slot_disturbance import (
+    ColumnGroup,
     DisturbanceColumns,
     Disturbed,
-    Part,
     disturbance_columns,
     disturbed,
 )
@@ -206,7 +206,7 @@ def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotE
     normals = disturbance_normals(fit, problem, columns)
     features = _features(make_regions(problem).conditions)
 
-    def found(parts: tuple[Part, ...]) -> _Found | None:
+    def found(parts: tuple[ColumnGroup, ...]) -> _Found | None:
         component, root = _component(normals, parts)
         if component is None:
             return None
@@ -241,7 +241,7 @@ def some_records(fit: FitResult, *, samples: int = _MOST_SAMPLES) -> FitResult:
 class _Found:
     """A disturbance that was tried; `amplitudes` (records, columns) are in the slots' units."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[ColumnGroup, ...]
     evidence: Evidence
     amplitudes: Floats
 
@@ -250,9 +250,9 @@ class _Found:
         return tuple(dict.fromkeys(part.slot for part in self.parts))
 
 
-def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part, ...]]:
+def _hypotheses(problem: Problem, parts: Sequence[ColumnGroup]) -> Iterator[tuple[ColumnGroup, ...]]:
     """The hypotheses: each slot, a reading in two ways, and the slots together at which one effect acts."""
-    by_slot: dict[str, list[Part]] = {}
+    by_slot: dict[str, list[ColumnGroup]] = {}
     for part in parts:
         by_slot.setdefault(part.slot.name, []).append(part)
     for parts_of in by_slot.values():
@@ -273,7 +273,7 @@ def _together(problem: Problem) -> list[tuple[str, ...]]:
     return [together for together in sorted(slots) if len(together) > 1]
 
 
-def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Component | None, Floats]:
+def _component(normals: DisturbanceNormals, parts: Sequence[ColumnGroup]) -> tuple[Component | None, Floats]:
     """The normal matrices of a component, each part scaled to the same trace, and the root of its prior
     covariance.
 

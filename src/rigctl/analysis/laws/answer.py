@@ -182,7 +182,7 @@ def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
 
     Only effects already in the model are tried: a second effect would leave more than the tests see.
     """
-    trial = search.none
+    trial = search.null
     try:
         estimated = estimated_laws(search, trial)
     except RigctlError:

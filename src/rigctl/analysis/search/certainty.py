@@ -28,7 +28,7 @@ from rigctl.tasks import counted
 
 
 @dataclass(frozen=True)
-class Answer:
+class FoundSet:
     """A set of effects as the answer of a search.
 
     Attributes
@@ -82,7 +82,7 @@ def _cross_validation(search: Search, best: RefittedSet, candidate: Candidate) -
         return None
     without = search.known([one for one in best.candidates if one is not candidate])
     if len(best.candidates) == 1:
-        without = search.none
+        without = search.null
 
     def refitted(fold: Sequence[int]) -> tuple[float, float] | None:
         outside = [best.fit.fitted[k] for k in fold]
@@ -122,7 +122,7 @@ def size_scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
 
 
 def certain_levels(
-    answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]
+    answer: FoundSet, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]
 ) -> tuple[Levels, ...]:
     """How far the answer goes for each member of the set: location, explanatory variable, law."""
     together = _levels(answer, laws, scatters)
@@ -138,7 +138,7 @@ def certain_levels(
 
 
 def _by_itself(
-    answer: Answer,
+    answer: FoundSet,
     alone: RefittedSet,
     names: Sequence[str],
     laws: Sequence[LawAnswer],
@@ -163,14 +163,16 @@ def _by_itself(
     (also,) = classes_of(alone, find_rivals(search, alone))
     classes = (tuple(dict.fromkeys([*names, *also])),)
     checks = cross_validations(search, alone)
-    single = Answer(search, alone, classes, checks, remainder(search, alone))
+    single = FoundSet(search, alone, classes, checks, remainder(search, alone))
     every_law = [*Laws(search, alone).of(alone.effects), *laws]
     every_scatter = [*size_scatters(search, alone), *scatters]
     (levels,) = _levels(single, every_law, every_scatter)
     return replace(levels, law_sure=False)
 
 
-def _levels(answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]) -> tuple[Levels, ...]:
+def _levels(
+    answer: FoundSet, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]
+) -> tuple[Levels, ...]:
     search, best, remaining = answer.search, answer.best, answer.remaining
     other_shape = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
     effects = {name: search.effect(name) for names in answer.classes for name in names}

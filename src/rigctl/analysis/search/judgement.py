@@ -15,7 +15,7 @@ from rigctl.analysis.linear.block_validation import BlockValidation, leave_block
 from rigctl.analysis.linear.cross_validation import CrossValidation
 from rigctl.analysis.linear.size_scatter import SizeScatter
 from rigctl.analysis.search.certainty import (
-    Answer,
+    FoundSet,
     certain_levels,
     cross_validations,
     evidence_against,
@@ -48,7 +48,7 @@ class Judgement:
     search: Search = field(repr=False)
     best: RefittedSet
     rivals: tuple[Rival, ...]
-    answer: Answer = field(repr=False)
+    answer: FoundSet = field(repr=False)
     every_law: Laws = field(repr=False)
     scatters: tuple[SizeScatter, ...]
     blocks: BlockValidation | None = None
@@ -133,7 +133,7 @@ def judge_set(search: Search, best: RefittedSet) -> Judgement:
     """The judgement of a search and its best set."""
     best, rivals = _sure_members(search, best)
     checks = cross_validations(search, best)
-    answer = Answer(search, best, classes_of(best, rivals), checks, remainder(search, best))
+    answer = FoundSet(search, best, classes_of(best, rivals), checks, remainder(search, best))
     own = search.in_own_scale and proven_by_collapse(search, best)
     return Judgement(
         search,
@@ -142,7 +142,7 @@ def judge_set(search: Search, best: RefittedSet) -> Judgement:
         answer,
         Laws(search, best),
         tuple(size_scatters(search, best)),
-        leave_blocks_out(search.none.fit, best.fit) if own else None,
+        leave_blocks_out(search.null.fit, best.fit) if own else None,
     )
 
 
@@ -151,7 +151,7 @@ def agrees_within_tolerance(search: Search) -> bool:
     if search.in_own_scale and search.before.adequacy.stated and not search.before.adequacy.unusable:
         return False  # an effect that proves itself refutes what is stated
     before = search.before.adequacy
-    return before.adequate or before.only_misread or search.start.adequacy.adequate
+    return before.adequate or before.only_misread or search.null_tests.adequacy.adequate
 
 
 def _sure_members(search: Search, best: RefittedSet) -> tuple[RefittedSet, list[Rival]]:
@@ -165,7 +165,7 @@ def _sure_members(search: Search, best: RefittedSet) -> tuple[RefittedSet, list[
     rivals = find_rivals(search, best)
     if len(best.candidates) < 2 or not search.excess(best):
         return best, rivals
-    reached = search.none.chi2 - best.chi2
+    reached = search.null.chi2 - best.chi2
     for member in best.candidates:
         close = any(
             rival.member == member.name

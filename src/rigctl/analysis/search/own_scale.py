@@ -39,7 +39,7 @@ def proven_by_collapse(search: Search, best: RefittedSet) -> bool:
         return False
     freedom = max(search.samples - len(best.fit.problem.shared), 1.0)
     parameters = max(best.parameters, 1)
-    gain = max(search.none.chi2 - best.chi2, 0.0)
+    gain = max(search.null.chi2 - best.chi2, 0.0)
     tried = math.comb(max(search.library, 2), len(best.candidates))
     chance = float(fdtrc(parameters, freedom, gain / parameters))
     return tried * chance < ALPHA

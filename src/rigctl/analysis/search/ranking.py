@@ -43,7 +43,7 @@ def ranking_of(
 
 def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
     """Without their cross-validations."""
-    trials = [search.none, *search.trials.values()]
+    trials = [search.null, *search.trials.values()]
     refitted = {trial.effects[0] for trial in trials if len(trial.effects) == 1}
     screened = [score for score in search.before.screening.scores if score.effect not in refitted]
     sets: dict[tuple[str, ...], float] = {}
@@ -55,10 +55,10 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
     tried = search.before.linearisation.candidates
     for score in screened:
         price = search.price(tried[score.candidate])
-        sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + price
+        sets[(score.effect,)] = search.mbic(search.null) - search.promised(score) + price
     # a set better than the best one is so by less than the shape tolerance allows, or it would be the best
     least = search.mbic(best)
-    less = max(softened(search.none.chi2 - best.chi2), _factor(search, best))
+    less = max(softened(search.null.chi2 - best.chi2), _factor(search, best))
     behind = {names: min(max(value - least, 0.0) / less, 1400.0) for names, value in sets.items()}
     weights = {names: math.exp(-0.5 * value) for names, value in behind.items()}
     total = sum(weights.values())
@@ -83,7 +83,7 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
 
 def _factor(search: Search, best: RefittedSet) -> float:
     """Factor by which differences of mBIC are reduced: 1 if the best set leaves only noise."""
-    view = search.with_discrepancies(best) if best.candidates else search.start
+    view = search.with_discrepancies(best) if best.candidates else search.null_tests
     return 1.0 if view.adequacy.agrees else variance_factor(best.fit)
 
 
@@ -147,14 +147,14 @@ def _trial_of(search: Search, best: RefittedSet, name: str) -> tuple[RefittedSet
     if name in best.effects:
         rest = tuple(one for one in best.effects if one != name)
         others = [t for t in search.trials.values() if tuple(sorted(t.effects)) == tuple(sorted(rest))]
-        return best, (min(others, key=search.mbic) if others else search.none if not rest else None)
+        return best, (min(others, key=search.mbic) if others else search.null if not rest else None)
     for member in best.candidates if len(best.candidates) > 1 else ():
         for rival, _, _ in search.rivals(best, member):
             if name in rival.effects:
                 kept = tuple(one for one in best.candidates if one is not member)
                 return rival, search.known(kept)
     single = [trial for trial in search.trials.values() if trial.effects == (name,)]
-    return (min(single, key=search.mbic), search.none) if single else (None, None)
+    return (min(single, key=search.mbic), search.null) if single else (None, None)
 
 
 def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, FoundParameter]:

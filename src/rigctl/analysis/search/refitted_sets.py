@@ -74,8 +74,8 @@ class RefittedSets:
     )
 
     @cached_property
-    def none(self) -> RefittedSet:
-        """The model as given."""
+    def null(self) -> RefittedSet:
+        """The null hypothesis: the model as given, with no effect added."""
         return plain(self.before.fit)
 
     @cached_property
@@ -85,16 +85,16 @@ class RefittedSets:
         return 0.0 if self.of_few_rows else SHAPE_TOLERANCE
 
     @cached_property
-    def start(self) -> ModelComparison | View:
+    def null_tests(self) -> ModelComparison | View:
         """The model as given, within the shape tolerance of the effects that it already has."""
         if not (self.tolerance and self.before.fit.problem.model.with_laws):
             return self.before
-        return self.at(self.none).view(self.tolerance)
+        return self.at(self.null).view(self.tolerance)
 
     @property
     def has_discrepancies(self) -> bool:
         """Whether the model already has effects, whose laws have a shape tolerance."""
-        return self.start is not self.before
+        return self.null_tests is not self.before
 
     @cached_property
     def library(self) -> int:
@@ -121,7 +121,7 @@ class RefittedSets:
     def left(self, trial: RefittedSet) -> float:
         """The share of the squared misfit that a set leaves; 0 where `excess` is."""
         if not trial.candidates:
-            return 0.0 if self.start.adequacy.agrees else 1.0
+            return 0.0 if self.null_tests.adequacy.agrees else 1.0
         excess = self.excess(trial)
         return excess / (max(self.reached(trial), 1e-12) + excess) if excess else 0.0
 
@@ -133,7 +133,7 @@ class RefittedSets:
         """
         size_scatter = self._size_scatter(trial)
         explained = 0.0 if size_scatter is None else size_scatter.explained
-        return max(self.none.chi2 - trial.chi2, 0.0) + explained
+        return max(self.null.chi2 - trial.chi2, 0.0) + explained
 
     def excess(self, trial: RefittedSet) -> float:
         """χ² that a set leaves, within the shape tolerance of its laws.
@@ -189,7 +189,7 @@ class RefittedSets:
     def explained(self, trial: RefittedSet, member: Candidate) -> float:
         """The increase of χ² without one of a set's effects; 0 if the others cannot be fitted."""
         rest = tuple(one for one in trial.candidates if one is not member)
-        without = self.refitted(rest, trial) if rest else self.none
+        without = self.refitted(rest, trial) if rest else self.null
         return 0.0 if without is None else max(without.chi2 - trial.chi2, 0.0)
 
     def slight(self, best: RefittedSet, without: RefittedSet, reached: float = 0.0) -> bool:
@@ -284,7 +284,7 @@ class RefittedSets:
 
     def _find_rivals(self, trial: RefittedSet, member: Candidate) -> list[tuple[RefittedSet, float, float]]:
         rest = tuple(one for one in trial.candidates if one is not member)
-        without = self.none if not rest else self.refitted(rest, trial)
+        without = self.null if not rest else self.refitted(rest, trial)
         if without is None:
             return []
         size = max(without.chi2 - trial.chi2, 0.0) ** 0.5

@@ -71,7 +71,7 @@ def from_another_start(search: Search) -> ModelComparison | None:
     starting point made the difference and not the effect.
     """
     before = search.before
-    base = search.none
+    base = search.null
     better = [
         trial
         for trial in search.trials.values()

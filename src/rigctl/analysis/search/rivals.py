@@ -144,7 +144,7 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
                     cos,
                     distance,
                     difference,
-                    where_they_differ(search.none.fit, best.fit, trial.fit),
+                    where_they_differ(search.null.fit, best.fit, trial.fit),
                     share=share,
                     unusual=trial.unusual.get(other, ""),
                     nested=nested_at(best.fit, member.effect, other),
@@ -205,7 +205,7 @@ def _within_chance(fit: FitResult, one: str, other: str) -> bool:
 
 def _aside(search: Search, best: RefittedSet, listed: Collection[str]) -> list[Rival]:
     """The better set that was put aside for an unusual size: always a rival, whatever its cosine."""
-    trial = search.aside
+    trial = search.unusual_best
     if trial is None or not best.effects:
         return []
     members = [name for name in best.effects if name not in trial.effects] or [*best.effects]
@@ -217,7 +217,7 @@ def _aside(search: Search, best: RefittedSet, listed: Collection[str]) -> list[R
             cos=1.0,
             separation=0.0,
             difference=search.mbic(trial) - search.mbic(best),
-            differs=where_they_differ(search.none.fit, best.fit, trial.fit),
+            differs=where_they_differ(search.null.fit, best.fit, trial.fit),
             share=0.0,
             unusual=trial.unusual.get(other, ""),
         )
@@ -253,7 +253,7 @@ def _known_rival(search: Search, best: RefittedSet, trial: RefittedSet) -> Rival
     cos = cosine(search.before.projected, lin.candidates.index(member), lin.candidates.index(other))
     difference = search.mbic(trial) - search.mbic(best)
     distance = _by_refit(trial, best)
-    differs = where_they_differ(search.none.fit, best.fit, trial.fit)
+    differs = where_they_differ(search.null.fit, best.fit, trial.fit)
     share = (trial.chi2 - best.chi2) / max(search.explained(best, member), 1e-12)
     unusual = trial.unusual.get(other.name, "")
     both = _both_leave(search, best, trial)
@@ -308,7 +308,7 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
     laws = {one.name for one in trial.candidates if same_cause(member.effect, one.effect)}
     cos = _likeness(search, member, trial.candidates)
     explained = search.explained(best, member)
-    differs = where_they_differ(search.none.fit, best.fit, trial.fit)
+    differs = where_they_differ(search.null.fit, best.fit, trial.fit)
     return [
         Rival(
             member.name,

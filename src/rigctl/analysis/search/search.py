@@ -68,14 +68,14 @@ class Search(RefittedSets):
     Attributes
     ----------
     most: largest number of effects in a set.
-    aside: a set better than the best one, put aside because a parameter is outside its usual range.
+    unusual_best: a set better than the best one, put aside because a parameter is outside its usual range.
     given: the model as it was compared, before the scale of its errors was reduced to what a set of effects
         leaves.
     """
 
     most: int = _TOGETHER
     on_progress: OnProgress = no_progress
-    aside: RefittedSet | None = None
+    unusual_best: RefittedSet | None = None
     given: ModelComparison | None = None
 
     def best(self) -> RefittedSet:
@@ -86,10 +86,10 @@ class Search(RefittedSets):
 
     def best_single(self) -> RefittedSet:
         """The single effect that explains the misfit best, or none."""
-        if not self.start.screening.scores:
-            return self.none
+        if not self.null_tests.screening.scores:
+            return self.null
         self._singles()
-        return self.least([self.none, *self.trials.values()])
+        return self.least([self.null, *self.trials.values()])
 
     @cached_property
     def in_own_scale(self) -> bool:
@@ -99,15 +99,15 @@ class Search(RefittedSets):
 
     def nearest(self) -> RefittedSet:
         """The set with the least misfit, whatever it costs: single effects, also at finite sizes."""
-        if not self.start.screening.scores:
-            return self.none
+        if not self.null_tests.screening.scores:
+            return self.null
         self._singles()
         self._finite_sizes()
-        return min([self.none, *self.trials.values()], key=lambda one: one.chi2)
+        return min([self.null, *self.trials.values()], key=lambda one: one.chi2)
 
     def _singles(self) -> None:
-        scores = self.start.screening.scores
-        lin, projected = self.start.linearisation, self.start.projected
+        scores = self.null_tests.screening.scores
+        lin, projected = self.null_tests.linearisation, self.null_tests.projected
         by_gain = sorted(scores, key=lambda score: -score.gain)
         leader = by_gain[0]
         alike = [
@@ -122,12 +122,12 @@ class Search(RefittedSets):
         few = [by_name[effect] for effect in chosen[: None if self.of_few_rows else _BEST + MOST_RIVALS]]
         worth = [score for score in few if score.gain > 0.0 or self.of_few_rows]
         for score in counted(worth, "Refitting with each of the likely effects", self.on_progress):
-            self.refitted((lin.candidates[score.candidate],), self.none)
+            self.refitted((lin.candidates[score.candidate],), self.null)
 
     def promised(self, score: Score) -> float:
         """The reduction of χ² by an effect: as fitted by itself if it was, else by the linear problem."""
         fitted = self.alone.get(score.effect)
-        return score.gain if fitted is None else max(self.none.chi2 - fitted.chi2, 0.0)
+        return score.gain if fitted is None else max(self.null.chi2 - fitted.chi2, 0.0)
 
     def alone_amplitudes(self, effect: str) -> list[float]:
         """An effect's parameters less their null as fitted by itself, SI; empty if it was not."""
@@ -194,7 +194,7 @@ class Search(RefittedSets):
         names = [score.effect for score in promising][: max(most, _PAIRS)]
         for name in counted(names, "Refitting from finite sizes", self.on_progress):
             for one in (one for one in sized if one.name == name):
-                self.refitted_also_from((one,), self.none)
+                self.refitted_also_from((one,), self.null)
 
     def _pairs(self, best: RefittedSet) -> RefittedSet:
         """The best pairs of the linear problem, with the best single effect's next candidates and without it.
@@ -207,11 +207,11 @@ class Search(RefittedSets):
         if best.candidates and remaining <= self.allowed:
             self._forward(best)
             return self._complete_before_least([best, *self.trials.values()])
-        lin = self.start.linearisation
-        promised = self.none.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
+        lin = self.null_tests.linearisation
+        promised = self.null.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
         pairs = [
             (pair.gain, [lin.candidates[k] for k in pair.candidates])
-            for pair in pair_gains(self.start.projected)
+            for pair in pair_gains(self.null_tests.projected)
         ]
         better = [chosen for gain, chosen in pairs[:_PAIRS] if gain > promised + WORTH]
         members = set(best.effects)
@@ -220,7 +220,7 @@ class Search(RefittedSets):
         ]
         both = better + [one for one in without[: _PAIRS if members else 0] if one not in better]
         for chosen in counted(both, "Refitting with pairs of effects", self.on_progress):
-            self.refitted(chosen, self.none)
+            self.refitted(chosen, self.null)
         if best.candidates:
             self._forward(best)
         return self.least([best, *self.trials.values()])
@@ -233,21 +233,21 @@ class Search(RefittedSets):
         """
         if len(best.candidates) != 1 or self.most < 2 or not self.sure(best) or self.below_noise(best):
             return best
-        candidates, scores = self.start.linearisation.candidates, self.start.screening.scores
+        candidates, scores = self.null_tests.linearisation.candidates, self.null_tests.screening.scores
         linear = max((score.gain for score in scores if score.effect in best.effects), default=0.0)
-        reached = max(self.none.chi2 - best.chi2, linear)
+        reached = max(self.null.chi2 - best.chi2, linear)
         tried = [best]
-        for pair in pair_gains(self.start.projected):
+        for pair in pair_gains(self.null_tests.projected):
             chosen = [candidates[index] for index in pair.candidates]
             if pair.gain < reached + min(self.price(one) for one in chosen) or len(tried) > _PAIRS:
                 break
             if best.effects[0] in {one.name for one in chosen}:
                 continue
             self.on_progress("Refitting with other pairs of effects")
-            instead = self.refitted(chosen, self.none)
+            instead = self.refitted(chosen, self.null)
             tried += [] if instead is None else [instead]
         instead = self.least(tried)
-        surely = LEAST_DIFFERENCE * softened(self.none.chi2 - best.chi2)
+        surely = LEAST_DIFFERENCE * softened(self.null.chi2 - best.chi2)
         return instead if self.evidence(instead) < self.evidence(best) - surely else best
 
     def _exchanged(self, best: RefittedSet) -> RefittedSet:
@@ -299,7 +299,7 @@ class Search(RefittedSets):
             shorter = [one for one in tried if one is not None]
             least = self.least([best, *shorter])
             if least is best:
-                reached = self.none.chi2 - best.chi2
+                reached = self.null.chi2 - best.chi2
                 slight = [one for one in shorter if self.slight(best, one, reached)]
                 if not slight:
                     break
@@ -320,17 +320,17 @@ class Search(RefittedSets):
             if len(trial.effects) <= len(best.effects) and not trial.unusual
         ]
         for trial in sorted(usual, key=self.mbic):
-            if self.mbic(trial) >= self.mbic(self.none):
+            if self.mbic(trial) >= self.mbic(self.null):
                 break
             if self.left(trial) <= self.allowed:
-                self.aside = best
+                self.unusual_best = best
                 return trial
         return best
 
     def _beyond_laws(self, best: RefittedSet) -> RefittedSet:
         """The empty set if the model's own laws explain much of `best` within their shape tolerance."""
-        if len(best.candidates) == 1 and self.has_discrepancies and self.slight(best, self.none):
-            return self.none
+        if len(best.candidates) == 1 and self.has_discrepancies and self.slight(best, self.null):
+            return self.null
         return best
 
     def _simplest(self, best: RefittedSet) -> RefittedSet:
@@ -366,7 +366,7 @@ class Search(RefittedSets):
         count = len(least.candidates)
         if count < 2 or not self.tolerance or not self.excess(least):
             return least
-        shorter = [one for one in (self.none, *self.trials.values()) if len(one.candidates) < count]
+        shorter = [one for one in (self.null, *self.trials.values()) if len(one.candidates) < count]
         limit, evidence = self.mbic(self.least(shorter)), self.evidence(least)
         others = [one for one in sets if len(one.candidates) == count and self.mbic(one) < limit]
         better = [one for one in others if self.evidence(one) < evidence and not self.excess(one)]

@@ -192,7 +192,7 @@ def compare(
             show_answer(comparison_answer(comparison))
         show(block for rival in rivals for block in rival_blocks(rival))
         choice = DataOptions(only, hold_out, assume or (), family)
-        _lead_on(comparison, runs, [str(one) for one in model], choice, fit=fit)
+        _suggest_next(comparison, runs, [str(one) for one in model], choice, fit=fit)
 
 
 def _document(comparison: Comparison) -> dict[str, Any]:
@@ -235,7 +235,7 @@ def _rivals(
     return rivals
 
 
-def _lead_on(
+def _suggest_next(
     comparison: Comparison, runs: list[str], models: Sequence[str], choice: DataOptions, *, fit: bool
 ) -> None:
     """The next command: find what the last model lacks, or make the page of all."""

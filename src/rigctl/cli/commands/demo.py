@@ -225,8 +225,8 @@ def _show_question(question: Mapping[str, Any], console: Console) -> None:
 
     console.print("[bold]5[/] What single strokes leave open")
     rivals = question["classes"][0] if question["classes"] else []
-    told = f"the eight published ones cannot tell which of {len(rivals)} effects it is:"
-    console.print(f"  {told if rivals else question['statement']}", markup=False, soft_wrap=True)
+    undecided = f"the eight published ones cannot tell which of {len(rivals)} effects it is:"
+    console.print(f"  {undecided if rivals else question['statement']}", markup=False, soft_wrap=True)
     for name in rivals:
         console.print(
             f"    {find_effect(name, 'hydraulic_cylinder').described}", markup=False, soft_wrap=True

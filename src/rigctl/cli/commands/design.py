@@ -146,7 +146,7 @@ def design(
         show(whole_design(result)) if verbose else show_answer(design_answer(result))
         choice = DataOptions(only, hold_out, assume or (), family)
         own = _own_options(budget, records, separate, seed, sensors=sensors)
-        _lead_on(result, runs, model.as_posix(), choice, own, output)
+        _suggest_next(result, runs, model.as_posix(), choice, own, output)
 
 
 def read_budget(text: str) -> float:
@@ -225,7 +225,7 @@ def _own_options(
     return [*words, *(["--sensors"] if sensors else [])]
 
 
-def _lead_on(
+def _suggest_next(
     result: DesignResult,
     runs: list[str],
     model: str,

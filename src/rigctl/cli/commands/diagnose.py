@@ -156,7 +156,7 @@ def diagnose(
         print_json(improvement_document(done) if apply else diagnosis_document(diagnosis))
     elif apply:
         _show(done if done.steps or verbose else done.last, verbose=verbose)
-        _lead_on(done.last, runs, model.as_posix(), choice, limit)
+        _suggest_next(done.last, runs, model.as_posix(), choice, limit)
     else:
         _show(diagnosis, verbose=verbose)
         if next_one is not None:
@@ -165,7 +165,7 @@ def diagnose(
 
             show(whole_design(next_one)) if verbose else show_answer(design_answer(next_one))
         shown = ["--design"] * design + ["--bootstrap", str(repetitions)] * bool(repetitions)
-        _lead_on(diagnosis, runs, model.as_posix(), choice, limit, shown)
+        _suggest_next(diagnosis, runs, model.as_posix(), choice, limit, shown)
 
 
 def _show(result: Diagnosis | Improvement, *, verbose: bool) -> None:
@@ -235,7 +235,7 @@ def _with_files(diagnosis: Diagnosis, folder: Path | None) -> Diagnosis:
     return replace(diagnosis, laws=written)
 
 
-def _lead_on(
+def _suggest_next(
     diagnosis: Diagnosis,
     runs: list[str],
     model: str,

@@ -108,7 +108,7 @@ def discover(
     else:
         evidence = discovery_evidence(discovery) if verbose else ()
         show_answer(discovery_answer(discovery), evidence)
-        _lead_on(discovery, runs, model.as_posix(), choice, slot, saved=output is not None)
+        _suggest_next(discovery, runs, model.as_posix(), choice, slot, saved=output is not None)
 
 
 def _write_page(runs: list[Run], page: Path, discovery: Discovery, *, force: bool) -> None:
@@ -121,7 +121,7 @@ def _write_page(runs: list[Run], page: Path, discovery: Discovery, *, force: boo
     write_page(runs, page, [*discovery_sections(discovery), *began], force=force)
 
 
-def _lead_on(
+def _suggest_next(
     discovery: Discovery, runs: list[str], model: str, choice: DataOptions, slot: str | None, *, saved: bool
 ) -> None:
     """The next command: diagnose, save the formulas, or add the first of them."""

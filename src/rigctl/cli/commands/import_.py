@@ -212,7 +212,7 @@ def import_(
         document = {"run": done.run, "path": done.path.as_posix(), **counts, "notes": list(done.notes)}
         print_json(document)
     else:
-        _lead_on(rig, done.path)
+        _suggest_next(rig, done.path)
 
 
 def _show(preview: Preview, file: Path, output: Path | None, *, as_json: bool) -> None:
@@ -260,7 +260,7 @@ def _options(
     return options.over(load_mapping(find_file(mapping))) if mapping is not None else options
 
 
-def _lead_on(rig: Path | None, run: Path) -> None:
+def _suggest_next(rig: Path | None, run: Path) -> None:
     """Show the next command on stderr: compare with a model of this bench, else show the run."""
     from rigctl.command_line import analysis
 

@@ -72,10 +72,10 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     if learned.sensor:
         names = " and ".join(learned.sensor)
         out.print(f"  with {escape(names)} measured too, they would be distinguished", soft_wrap=True)
-    _lead_on(learned, folder)
+    _suggest_next(learned, folder)
 
 
-def _lead_on(learned: Learned, folder: Path) -> None:
+def _suggest_next(learned: Learned, folder: Path) -> None:
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import command
 

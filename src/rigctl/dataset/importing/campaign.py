@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rigctl.dataset.importing.cells.time_column import with_time_column
 from rigctl.dataset.importing.formats.formats import open_source, stem_of
-from rigctl.dataset.importing.formats.table import Heading, Labels, Part, Source
+from rigctl.dataset.importing.formats.table import Heading, Labels, RowBlock, Source
 from rigctl.dataset.importing.log_format import require_same_unit
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
@@ -38,7 +38,7 @@ class Campaign:
         """The first of the files."""
         return self.sources[0].path
 
-    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[RowBlock]:
         """Yield the rows of one file after the other."""
         for source, name in zip(self.sources, self.names, strict=True):
             positions = {self._ours(heading): index for index, heading in enumerate(source.headings)}
@@ -66,8 +66,8 @@ class Campaign:
         return (source.origin - self.origin) / 1e9
 
     def _part(
-        self, part: Part, source: Source, indices: dict[int, int | None], name: str, shift: float
-    ) -> Part:
+        self, part: RowBlock, source: Source, indices: dict[int, int | None], name: str, shift: float
+    ) -> RowBlock:
         import numpy as np
 
         columns = {}
@@ -136,7 +136,7 @@ def _headings(sources: Sequence[Source], options: Options) -> tuple[Heading, ...
     return tuple(headings.values())
 
 
-def _labels(part: Part, name: str) -> Labels:
+def _labels(part: RowBlock, name: str) -> Labels:
     """Label a file's rows by the file; records that it distinguishes also have their own name."""
     import numpy as np
 

@@ -13,7 +13,7 @@ import numpy as np
 from rigctl.dataset.importing.cells.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
 from rigctl.dataset.importing.cells.missing_values import NO_NUMBER
 from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.formats.table import BEYOND_LIMITS, KEPT_FAULTS, NOT_INCREASING, Fault, Part
+from rigctl.dataset.importing.formats.table import BEYOND_LIMITS, KEPT_FAULTS, NOT_INCREASING, Fault, RowBlock
 from rigctl.units import show
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Checker:
         self._latest = -np.inf
         self._taken: int | None = None  # the label of the last valid row
 
-    def take(self, part: Part) -> Checked:
+    def take(self, part: RowBlock) -> Checked:
         """Check the next rows of the file."""
         values = {column.name: self._values(column, part) for column in self._columns}
         bad = InvalidRows(part)
@@ -94,7 +94,7 @@ class Checker:
         faults = tuple(sorted((*part.faults, *bad.faults()), key=lambda fault: fault.line))
         return Checked(block, stretches, faults, len(part.faults) + part.more_faults + bad.count)
 
-    def _values(self, column: Assigned, part: Part) -> NDArray[np.float64]:
+    def _values(self, column: Assigned, part: RowBlock) -> NDArray[np.float64]:
         """Return a column in SI, with marks of missing values and impossible readings as NaN."""
         written = part.columns[column.index]
         if column.kind == "time":
@@ -136,7 +136,7 @@ class Checker:
             if column.kind == "command":
                 bad.add_beyond_limits(column, column_values)
 
-    def _ids(self, part: Part, bad: InvalidRows) -> NDArray[np.int64]:
+    def _ids(self, part: RowBlock, bad: InvalidRows) -> NDArray[np.int64]:
         """Return the record of each row; one for all rows if the file has none."""
         labels = part.labels
         if labels is None:
@@ -192,7 +192,7 @@ class Checker:
 class InvalidRows:
     """The invalid rows, with the first fault of each."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: RowBlock) -> None:
         self._part = part
         self._found: dict[int, Fault] = {}
         self.count = 0  #: number of rows with a fault

@@ -14,7 +14,7 @@ from rigctl.dataset.importing.cells.sentinels import Sentinels, blanked, remark
 from rigctl.dataset.importing.checks import InvalidRows, impossible, marks_of, to_si, without_marks
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.first_pass import Survey
-from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Part, Source, cut
+from rigctl.dataset.importing.formats.table import KEPT_FAULTS, RowBlock, Source, cut
 from rigctl.errors import Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 from rigctl.rig.layout import Layout
@@ -41,7 +41,7 @@ class Observations:
 
     source: Source
     assigned: Sequence[Assigned]
-    parts: Sequence[Part]
+    parts: Sequence[RowBlock]
     found: Survey
     remarks: tuple[str, ...] = ()  #: on marks of missing values
 
@@ -66,7 +66,7 @@ class Observations:
                 self._write_row(writer, part, row, name, stem)
         return self.rows
 
-    def _write_row(self, writer: RunWriter, part: Part, row: int, name: str | None, stem: str) -> None:
+    def _write_row(self, writer: RunWriter, part: RowBlock, row: int, name: str | None, stem: str) -> None:
         sweep: dict[str, tuple[float, str]] = {}
         measures: list[tuple[Assigned, float]] = []
         for column in self.assigned:
@@ -128,7 +128,7 @@ def take_observations(
     return Observations(source, assigned, parts, result, remarks)
 
 
-def _of_possible_commands(part: Part, assigned: Sequence[Assigned], result: Survey) -> Part:
+def _of_possible_commands(part: RowBlock, assigned: Sequence[Assigned], result: Survey) -> RowBlock:
     """Return the rows whose commands their actuators can have taken; the others become faults."""
     bad = InvalidRows(part)
     for column in assigned:
@@ -139,7 +139,7 @@ def _of_possible_commands(part: Part, assigned: Sequence[Assigned], result: Surv
     return cut(part, bad.others)
 
 
-def _impossible(assigned: Sequence[Assigned], parts: Sequence[Part]) -> dict[str, int]:
+def _impossible(assigned: Sequence[Assigned], parts: Sequence[RowBlock]) -> dict[str, int]:
     """Return the number of values outside the possible range, by channel; those without any are left out."""
     counts: Counter[str] = Counter()
     for column in assigned:

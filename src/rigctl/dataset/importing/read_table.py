@@ -11,7 +11,7 @@ from rigctl.dataset.importing.cells.sentinels import Sentinels, blanked, without
 from rigctl.dataset.importing.cells.time_column import with_time_column
 from rigctl.dataset.importing.checks import marks_of
 from rigctl.dataset.importing.formats.formats import open_source
-from rigctl.dataset.importing.formats.table import Part, Source, refuse
+from rigctl.dataset.importing.formats.table import RowBlock, Source, refuse
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
 
@@ -101,7 +101,7 @@ def table_of(
         if index != record and heading.name and not heading.spent and ours[index] != "-"
     ]
     wanted = [index for index in indices if has_numbers(source, index, empty=True)]
-    parts: list[Part] = []
+    parts: list[RowBlock] = []
     for part in source.parts(wanted, record) if wanted else ():
         parts.append(part)
         if most is not None and sum(len(one.lines) for one in parts) >= most:
@@ -135,8 +135,8 @@ def table_of(
 
 
 def _without_marks(
-    parts: Sequence[Part], numbers: Sequence[int], times: Sequence[int], options: Options
-) -> list[Part]:
+    parts: Sequence[RowBlock], numbers: Sequence[int], times: Sequence[int], options: Options
+) -> list[RowBlock]:
     """Return all rows without the numbers that mark missing values, as an import reads them.
 
     Parameters

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.cells.increasing import order_of, repeated
 from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.formats.table import GOES_BACK, KEPT_FAULTS, Fault, Labels, Part
+from rigctl.dataset.importing.formats.table import GOES_BACK, KEPT_FAULTS, Fault, Labels, RowBlock
 from rigctl.dataset.importing.options import TimePolicy
 from rigctl.dataset.importing.splitting import stretches
 from rigctl.errors import RigctlError, unknown_name
@@ -52,8 +52,8 @@ class _Series:
 
 
 def resample(
-    part: Part, assigned: Sequence[Assigned], to: str, policy: TimePolicy = "refuse"
-) -> tuple[Part, list[str]]:
+    part: RowBlock, assigned: Sequence[Assigned], to: str, policy: TimePolicy = "refuse"
+) -> tuple[RowBlock, list[str]]:
     """Return the rows of a whole file at common times, and remarks.
 
     Parameters
@@ -146,7 +146,7 @@ def _leading(to: str, known: Sequence[Assigned]) -> Assigned | None:
 
 
 def _series(
-    part: Part,
+    part: RowBlock,
     rows: slice,
     column: Assigned,
     time: Assigned,

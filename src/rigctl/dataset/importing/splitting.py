@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.columns import Assigned
-from rigctl.dataset.importing.formats.table import Labels, Part
+from rigctl.dataset.importing.formats.table import Labels, RowBlock
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import read_si
 
@@ -53,7 +53,9 @@ def read_split(text: str | None) -> Split | None:
     return Split(way, what or None)
 
 
-def split_rows(part: Part, split: Split, assigned: Sequence[Assigned], headings: Mapping[str, int]) -> Part:
+def split_rows(
+    part: RowBlock, split: Split, assigned: Sequence[Assigned], headings: Mapping[str, int]
+) -> RowBlock:
     """Return the rows of a whole file with labels of its records.
 
     Parameters
@@ -85,13 +87,13 @@ def split_rows(part: Part, split: Split, assigned: Sequence[Assigned], headings:
     return begin_records(part, lambda rows: _at_commands([column[rows] for column in values]))
 
 
-def split_at_restarts(part: Part, time: int) -> Part:
+def split_at_restarts(part: RowBlock, time: int) -> RowBlock:
     """Return the rows of a whole file, with a new record wherever time goes back."""
     times = part.columns[time]
     return begin_records(part, lambda rows: _after_gaps(times[rows], float("inf")))
 
 
-def begin_records(part: Part, find: Callable[[slice], NDArray[np.bool_]]) -> Part:
+def begin_records(part: RowBlock, find: Callable[[slice], NDArray[np.bool_]]) -> RowBlock:
     """Divide every record of the file at the rows that `find` returns.
 
     The second part of record ``A`` is named ``A 2``; the parts of a file without records are numbered.
@@ -116,7 +118,7 @@ def begin_records(part: Part, find: Callable[[slice], NDArray[np.bool_]]) -> Par
     return replace(part, labels=Labels(codes, tuple(texts)))
 
 
-def stretches(part: Part) -> list[tuple[int, int, str | None]]:
+def stretches(part: RowBlock) -> list[tuple[int, int, str | None]]:
     """Yield the first row, the row after the last and the label of every stretch with one label."""
     import numpy as np
 
@@ -179,7 +181,9 @@ def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(indices >= 0, values[np.maximum(indices, 0)], np.nan)
 
 
-def _by_column(part: Part, name: str, assigned: Sequence[Assigned], headings: Mapping[str, int]) -> Part:
+def _by_column(
+    part: RowBlock, name: str, assigned: Sequence[Assigned], headings: Mapping[str, int]
+) -> RowBlock:
     """Label each stretch of a constant value of a column by that value; the labels of `part` are texts."""
     import numpy as np
 

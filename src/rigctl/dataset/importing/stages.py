@@ -14,7 +14,7 @@ from rigctl.dataset.importing.cells.sentinels import Sentinels, blanked, remark,
 from rigctl.dataset.importing.checks import marks_of
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.formats.groups import GroupedFile
-from rigctl.dataset.importing.formats.table import PART_ROWS, Labels, Part, Source, cut
+from rigctl.dataset.importing.formats.table import PART_ROWS, Labels, RowBlock, Source, cut
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.resampling import resample
 from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
@@ -62,7 +62,7 @@ class Stages:
             if column.index in self.marks and column.kind != "time":  # each of which is a bad row
                 yield remark(column.name, self.marks[column.index])
 
-    def _read(self, source: Source, wanted: Sequence[int], record: int | None) -> Iterator[Part]:
+    def _read(self, source: Source, wanted: Sequence[int], record: int | None) -> Iterator[RowBlock]:
         """Yield the rows of the file without marks of missing values."""
         numbers = marks_of(self.options.missing_numbers).tolist()
         every = {index: (*numbers, *self.marks.get(index, ())) for index in self.valued}
@@ -88,7 +88,7 @@ class Stages:
         options = self.options
         return options.time_policy != "refuse" or options.split is not None or options.resample is not None
 
-    def parts(self, source: Source) -> Iterator[Part]:
+    def parts(self, source: Source) -> Iterator[RowBlock]:
         """Yield the rows of a file, ready to be checked."""
         split = read_split(self.options.split)
         wanted, record = places_of(self.assigned)
@@ -131,7 +131,7 @@ class Stages:
                 where=clock.heading.where.or_else(Location(source.path)),
             )
 
-    def _resampled(self, wholes: Iterator[Part]) -> Iterator[Part]:
+    def _resampled(self, wholes: Iterator[RowBlock]) -> Iterator[RowBlock]:
         """Resample files or groups to common times if requested."""
         to = self.options.resample
         for whole in wholes:
@@ -142,7 +142,7 @@ class Stages:
             self.remarks += [remark for remark in remarks if remark not in self.remarks]
             yield resampled
 
-    def _mended(self, part: Part, time: int) -> Part:
+    def _mended(self, part: RowBlock, time: int) -> RowBlock:
         """Drop rows whose time does not increase, or spread equal times."""
         import numpy as np
 
@@ -167,7 +167,7 @@ class Stages:
         return replace(part, columns={**part.columns, time: times})
 
 
-def _slices(part: Part) -> Iterator[Part]:
+def _slices(part: RowBlock) -> Iterator[RowBlock]:
     """Yield a whole file in parts; its faults are in the first."""
     rows = len(part.lines)
     for start in range(0, max(rows, 1), PART_ROWS):
@@ -175,7 +175,9 @@ def _slices(part: Part) -> Iterator[Part]:
         yield piece if start == 0 else replace(piece, faults=(), more_faults=0)
 
 
-def _wholes(source: Source, read: Iterator[Part], wanted: Sequence[int], *, merged: bool) -> Iterator[Part]:
+def _wholes(
+    source: Source, read: Iterator[RowBlock], wanted: Sequence[int], *, merged: bool
+) -> Iterator[RowBlock]:
     """Yield all rows of each file, or of each group in a file with groups, as one part.
 
     Parameters
@@ -187,7 +189,7 @@ def _wholes(source: Source, read: Iterator[Part], wanted: Sequence[int], *, merg
     RigctlError
         there are too many rows.
     """
-    parts: list[Part] = []
+    parts: list[RowBlock] = []
     size = 0
     for part in read:
         if merged:
@@ -207,7 +209,7 @@ def _wholes(source: Source, read: Iterator[Part], wanted: Sequence[int], *, merg
         yield joined(parts, wanted)
 
 
-def joined(parts: Sequence[Part], wanted: Sequence[int]) -> Part:
+def joined(parts: Sequence[RowBlock], wanted: Sequence[int]) -> RowBlock:
     """Join consecutive parts."""
     import numpy as np
 
@@ -227,7 +229,7 @@ def joined(parts: Sequence[Part], wanted: Sequence[int]) -> Part:
     faults = tuple(fault for part in parts for fault in part.faults)
     more = sum(part.more_faults for part in parts)
     first = parts[0]
-    return Part(columns, lines, labels, faults, first.group, more, first.path)
+    return RowBlock(columns, lines, labels, faults, first.group, more, first.path)
 
 
 def _no_column(name: str, names: Sequence[str], source: Source) -> RigctlError:

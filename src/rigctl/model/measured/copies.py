@@ -120,13 +120,13 @@ def each_once(measurements: Measurements, copies: Copies) -> tuple[Measurements,
 
 def copy_notes(records: Sequence[MeasuredRecord], copies: Copies, held_out: Collection[int]) -> Iterator[str]:
     """Yield a remark on the copies of fitted records that were to be held out, and one on the others."""
-    told: dict[str, list[str]] = {}
+    by_reason: dict[str, list[str]] = {}
     for copy, original in copies.whole.items():
         seen = copy in held_out and original not in held_out
         why = "it is not held out, as the fit has seen them" if seen else "it counts once"
         repeats = f"{records[copy].label} has the same samples as {records[original].label}"
-        told.setdefault(why, []).append(repeats)
-    for why, (first, *more) in told.items():
+        by_reason.setdefault(why, []).append(repeats)
+    for why, (first, *more) in by_reason.items():
         others = f", as {len(more)} more are copies" if more else ""
         yield f"{first}{others}: {why}"
     for part, (other, shared) in copies.parts.items():
@@ -221,9 +221,9 @@ def _windows(record: MeasuredRecord, column: int, scale: float) -> tuple[NDArray
         piece = bits[offset : offset + count]
         key = key * _FACTOR + (piece ^ (piece >> np.uint64(29)))
     changes = np.concatenate([[0], np.cumsum(np.diff(values) != 0.0)])
-    told = changes[_ALIKE - 1 :] - changes[:count] >= _CHANGES
+    distinct = changes[_ALIKE - 1 :] - changes[:count] >= _CHANGES
     whole = hashlib.sha256(values.tobytes()).digest() if changes[-1] else b""
-    return key[told], record.times[here][:count][told], whole
+    return key[distinct], record.times[here][:count][distinct], whole
 
 
 def _scale(measurements: Measurements, column: int) -> float:

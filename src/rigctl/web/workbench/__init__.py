@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rigctl.web.server_state import Part, Site
+from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
@@ -18,4 +18,4 @@ def routes(site: Site) -> Sequence[BaseRoute]:
     return workbench_routes(site)
 
 
-PART = Part("workbench", "Workbench", "A model against measurements, live.", routes)
+PART = PagePart("workbench", "Workbench", "A model against measurements, live.", routes)

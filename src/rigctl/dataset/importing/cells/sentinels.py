@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.cells.missing_values import NO_NUMBER
-from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Fault, Part, cut
+from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Fault, RowBlock, cut
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,7 +41,7 @@ class Sentinels:
     _others: dict[int, tuple[int, float]] = field(default_factory=dict)
     _negative: set[int] = field(default_factory=set)
 
-    def take(self, part: Part) -> None:
+    def take(self, part: RowBlock) -> None:
         """Look at the next rows."""
         import numpy as np
 
@@ -78,7 +78,7 @@ class Sentinels:
         return result
 
 
-def blanked(part: Part, marks: Mapping[int, Iterable[float]]) -> Part:
+def blanked(part: RowBlock, marks: Mapping[int, Iterable[float]]) -> RowBlock:
     """Return the rows without the values that are marks of their column."""
     columns = dict(part.columns)
     for index, numbers in marks.items():
@@ -86,7 +86,7 @@ def blanked(part: Part, marks: Mapping[int, Iterable[float]]) -> Part:
     return replace(part, columns=columns)
 
 
-def without_marked_times(part: Part, marks: Mapping[int, Iterable[float]], name: str) -> Part:
+def without_marked_times(part: RowBlock, marks: Mapping[int, Iterable[float]], name: str) -> RowBlock:
     """Return the rows whose times are none of their column's marks; the others become faults.
 
     Parameters

@@ -20,7 +20,7 @@ from rigctl.dataset.importing.cells.time_column import with_time_column
 from rigctl.dataset.importing.cells.times import TimeFormat, TimeReader, find_format
 from rigctl.dataset.importing.formats.csv_rows import Cells, read_rows, split_rows, with_times
 from rigctl.dataset.importing.formats.dialect import SAMPLE_ROWS, Dialect, find_dialect
-from rigctl.dataset.importing.formats.table import Heading, Labels, Part
+from rigctl.dataset.importing.formats.table import Heading, Labels, RowBlock
 from rigctl.dataset.importing.formats.text import HEAD, Lines, TextForm, find_form, not_text, opened
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
@@ -56,7 +56,7 @@ class CsvFile:
     origin: int | None = None
     remarks: tuple[str, ...] = ()
 
-    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[RowBlock]:
         """Yield the rows in order; a row that cannot be read is a fault of its part."""
         clock = None if self.time is None else TimeReader(self.time, self.origin)
         with opened(self.path) as file:
@@ -76,7 +76,7 @@ class CsvFile:
 
     def _read_slowly(
         self, piece: bytes, line: int, wanted: Collection[int], record: int | None, clock: TimeReader | None
-    ) -> Part:
+    ) -> RowBlock:
         """Read the rows of a piece one by one."""
         text = self._decoded(piece, line)
         try:
@@ -104,7 +104,7 @@ class CsvFile:
 
     def _read_fast(
         self, piece: bytes, line: int, wanted: Collection[int], record: int | None, clock: TimeReader | None
-    ) -> Part | None:
+    ) -> RowBlock | None:
         """Read all rows of a piece at once; None if one of them must be read individually."""
         import numpy as np
         import pyarrow as pa
@@ -126,12 +126,12 @@ class CsvFile:
         if len(table) != body.count(b"\n") + 1 or any(np.isinf(column).any() for column in columns.values()):
             return None
         labels = None if record is None else labels_of_dictionary(table[f"record {record}"])
-        part = Part(columns, np.arange(line, line + len(table), dtype=np.int64), labels)
+        part = RowBlock(columns, np.arange(line, line + len(table), dtype=np.int64), labels)
         if clock is None or not wanted:
             return part
         return self._timed(part, table, clock)
 
-    def _timed(self, part: Part, table: pa.Table, clock: TimeReader) -> Part | None:
+    def _timed(self, part: RowBlock, table: pa.Table, clock: TimeReader) -> RowBlock | None:
         """Add the times of the rows; None if one must be read individually."""
         import pyarrow.compute as pc
 

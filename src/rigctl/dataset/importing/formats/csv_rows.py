@@ -13,7 +13,7 @@ from rigctl.dataset.importing.cells.missing_values import NO_VALUE, is_comment
 from rigctl.dataset.importing.cells.numbers import read_number
 from rigctl.dataset.importing.formats.dialect import cell_place, split_row, stripped
 from rigctl.dataset.importing.formats.layouts import LayoutRow, is_names
-from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Fault, Heading, Part, labels_of_texts
+from rigctl.dataset.importing.formats.table import KEPT_FAULTS, Fault, Heading, RowBlock, labels_of_texts
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def read_rows(
     wanted: Collection[int],
     record: int | None,
     clock: TimeReader | None,
-) -> Part:
+) -> RowBlock:
     """Read the rows of a text that begins on `line`; rows that cannot be read become faults.
 
     Raises
@@ -88,15 +88,15 @@ def read_rows(
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(numbers))
     columns = {index: np.ascontiguousarray(table[:, k]) for k, index in enumerate(numbers)}
     labels = None if record is None else labels_of_texts(texts)
-    part = Part(
+    part = RowBlock(
         columns, np.array(lines, dtype=np.int64), labels, tuple(faults), more_faults=bad - len(faults)
     )
     return part if clock is None else with_times(part, times, headings, cells, clock)
 
 
 def with_times(
-    part: Part, times: Sequence[str], headings: Sequence[Heading], cells: Cells, clock: TimeReader
-) -> Part:
+    part: RowBlock, times: Sequence[str], headings: Sequence[Heading], cells: Cells, clock: TimeReader
+) -> RowBlock:
     """Return a part with the times of its rows; rows with an invalid time become faults."""
     import numpy as np
     import pyarrow as pa
@@ -105,7 +105,7 @@ def with_times(
     seconds, wrong = clock.read(pa.array(plain, pa.string()))
     columns = {**part.columns, cells.time[-1]: seconds}
     if not wrong.any():
-        return Part(columns, part.lines, part.labels, part.faults, more_faults=part.more_faults)
+        return RowBlock(columns, part.lines, part.labels, part.faults, more_faults=part.more_faults)
     good, indices = ~wrong, np.flatnonzero(wrong).tolist()
     name = headings[cells.time[-1]].name
     faults = [
@@ -113,7 +113,7 @@ def with_times(
         for index in indices[:KEPT_FAULTS]
     ]
     labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
-    return Part(
+    return RowBlock(
         {index: values[good] for index, values in columns.items()},
         part.lines[good],
         labels,

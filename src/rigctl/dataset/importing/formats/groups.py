@@ -24,7 +24,7 @@ from rigctl.dataset.importing.formats.table import (
     Fault,
     Heading,
     Labels,
-    Part,
+    RowBlock,
     labels_of_numbers,
     labels_of_texts,
 )
@@ -106,7 +106,7 @@ class GroupedFile:
         """Return the nanoseconds from 1970 UTC to time zero; None if the times are not absolute."""
         return self.began if self.clock is None else self.clock.origin
 
-    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[RowBlock]:
         """Yield the rows of one group after the other; values that a group lacks are missing."""
         with self.reading() as groups:
             for group in groups:
@@ -115,20 +115,22 @@ class GroupedFile:
         if self.damage:
             yield self._damage(wanted)
 
-    def _damage(self, wanted: Collection[int]) -> Part:
+    def _damage(self, wanted: Collection[int]) -> RowBlock:
         """Return a part without rows that reports damage."""
         import numpy as np
 
         faults = tuple(Fault(0, f"the file is damaged: {text}") for text in self.damage)
-        return Part({index: np.zeros(0) for index in wanted}, np.zeros(0, dtype=np.int64), None, faults)
+        return RowBlock({index: np.zeros(0) for index in wanted}, np.zeros(0, dtype=np.int64), None, faults)
 
-    def _part(self, group: Group, start: int, stop: int, wanted: Collection[int], record: int | None) -> Part:
+    def _part(
+        self, group: Group, start: int, stop: int, wanted: Collection[int], record: int | None
+    ) -> RowBlock:
         import numpy as np
 
         columns = {index: self._numbers(group, self.headings[index], start, stop) for index in wanted}
         lines = np.arange(start, stop, dtype=np.int64) + group.first
         shown = f"{self.noun} '{group.name}'" if group.name else ""
-        return Part(columns, lines, self._labels(group, start, stop, record), group=shown)
+        return RowBlock(columns, lines, self._labels(group, start, stop, record), group=shown)
 
     def _numbers(self, group: Group, heading: Heading, start: int, stop: int) -> NDArray[np.float64]:
         import numpy as np

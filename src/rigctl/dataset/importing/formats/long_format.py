@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rigctl.dataset.importing.cells.headings import split_heading
 from rigctl.dataset.importing.cells.increasing import order_of, repeated
-from rigctl.dataset.importing.formats.table import GOES_BACK, KEPT_FAULTS, Fault, Heading, Part, Source
+from rigctl.dataset.importing.formats.table import GOES_BACK, KEPT_FAULTS, Fault, Heading, RowBlock, Source
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
 
@@ -38,10 +38,10 @@ class LongFile:
     more_faults: int = 0
     remarks: tuple[str, ...] = field(default=())
 
-    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[RowBlock]:
         """Yield all rows at once."""
         columns = {index: self.times if index == 0 else self.values[index - 1] for index in wanted}
-        yield Part(columns, self.lines, None, self.faults, more_faults=self.more_faults)
+        yield RowBlock(columns, self.lines, None, self.faults, more_faults=self.more_faults)
 
 
 def is_long(source: Source, options: Options) -> bool:

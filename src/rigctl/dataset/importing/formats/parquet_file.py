@@ -13,7 +13,7 @@ from rigctl.dataset.importing.cells.local_time import LocalTime
 from rigctl.dataset.importing.cells.time_column import with_time_column
 from rigctl.dataset.importing.cells.times import ArrayClock, array_clock
 from rigctl.dataset.importing.formats.csv_file import labels_of_dictionary
-from rigctl.dataset.importing.formats.table import PART_ROWS, Heading, Labels, Part, labels_of_numbers
+from rigctl.dataset.importing.formats.table import PART_ROWS, Heading, Labels, RowBlock, labels_of_numbers
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
 
@@ -40,7 +40,7 @@ class ParquetFile:
         """Return the nanoseconds from 1970 UTC to time zero; None if the times are not absolute."""
         return None if self.clock is None else self.clock.origin
 
-    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[RowBlock]:
         """The rows in order."""
         import numpy as np
 
@@ -51,7 +51,7 @@ class ParquetFile:
             for batch in file.iter_batches(PART_ROWS, columns=[self.names[index] for index in indices]):
                 columns = {index: self._numbers(batch[self.names[index]], index, local) for index in wanted}
                 labels = None if record is None else self._labels(batch[self.names[record]], record, local)
-                yield Part(columns, np.arange(line, line + len(batch), dtype=np.int64), labels)
+                yield RowBlock(columns, np.arange(line, line + len(batch), dtype=np.int64), labels)
                 line += len(batch)
 
     def _numbers(self, column: pa.Array, index: int, local: LocalTime) -> NDArray[np.float64]:

@@ -84,7 +84,7 @@ class Labels:
 
 
 @dataclass(frozen=True)
-class Part:
+class RowBlock:
     """Some consecutive rows of a file.
 
     Parameters
@@ -126,7 +126,7 @@ class Source(Protocol):
     def origin(self) -> int | None:
         """Nanoseconds from 1970-01-01 UTC to time zero; None if the times are not absolute."""
 
-    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
+    def parts(self, wanted: Collection[int], record: int | None) -> Iterator[RowBlock]:
         """Yield the rows in order, read again for each call.
 
         Parameters
@@ -141,7 +141,7 @@ class Source(Protocol):
         """
 
 
-def cut(part: Part, rows: NDArray[np.bool_] | slice) -> Part:
+def cut(part: RowBlock, rows: NDArray[np.bool_] | slice) -> RowBlock:
     """Return some of the rows of a part."""
     labels = part.labels and Labels(part.labels.codes[rows], part.labels.texts, part.labels.named)
     columns = {index: values[rows] for index, values in part.columns.items()}
