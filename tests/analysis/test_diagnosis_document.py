@@ -18,7 +18,7 @@ BEFORE: Any = SimpleNamespace(
     rows=(),
     where=(),
     trends=(),
-    located=SimpleNamespace(suspicious=None),
+    located=SimpleNamespace(name="m", suspicious=None),
     findings=(),
     adequate=True,
     channels=dict,

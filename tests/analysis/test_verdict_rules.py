@@ -401,7 +401,7 @@ def nothing_to_name(
     search: Any = SimpleNamespace(
         before=SimpleNamespace(adequacy=before),
         given=None if given is None else SimpleNamespace(adequacy=given),
-        start=SimpleNamespace(adequacy=start or REJECTS),
+        null_tests=SimpleNamespace(adequacy=start or REJECTS),
         in_own_scale=own,
     )
     passed: Any = None if blocks is None else SimpleNamespace(passed=blocks)

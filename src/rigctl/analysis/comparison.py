@@ -145,7 +145,7 @@ def _tested(
         projected=projected,
         screening=screening,
         whole=library_problem,
-        located=LocatedError(fitted, projected, screening, tests),
+        located=LocatedError(name, fitted, projected, screening, tests),
         excluded=frozenset(excluded),
         slopes=slopes,
     )

@@ -44,7 +44,7 @@ def statement(model: ModelComparison) -> str:
 
 def _of_tests(model: ModelComparison) -> str:
     """What the tests say, where no error of a sensor is a part of the answer."""
-    name, adequacy = model.name, model.adequacy
+    name, adequacy = model.located.name, model.adequacy
     chance = chance_text(adequacy.p_value)
     if model.rows:
         return table_statement(name, adequacy, model.rows, direction_text(model.trends))
@@ -69,13 +69,11 @@ def _of_tests(model: ModelComparison) -> str:
 
 
 def _agreement(model: ModelComparison) -> str:
-    text = f"{model.name} agrees with the measurements within their noise (p = {model.adequacy.p_value:.2g})"
+    name = model.located.name
+    text = f"{name} agrees with the measurements within their noise (p = {model.adequacy.p_value:.2g})"
     if model.adequacy.stated:
         channels = ", ".join(model.adequacy.stated)
-        text = (
-            f"{model.name} agrees with the measurements within the noise of {channels} that the rig file "
-            "states"
-        )
+        text = f"{name} agrees with the measurements within the noise of {channels} that the rig file states"
     suspicious = model.located.suspicious
     if suspicious is not None:
         return f"{text}, but {record_level_text(suspicious)}"

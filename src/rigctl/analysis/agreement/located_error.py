@@ -28,9 +28,11 @@ class LocatedError:
 
     Attributes
     ----------
+    name: of the model as it was compared, where a page shows it by another.
     fit, projected, screening, adequacy: the fit, its linearisation and its tests.
     """
 
+    name: str
     fit: FitResult = field(repr=False)
     projected: Projected = field(repr=False)
     screening: Screening = field(repr=False)
