@@ -11,8 +11,8 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 48
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "1978127c6d3a"
+FINGERPRINT = "1f2c1c5c7a0b"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 6
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "6e5d548d0118"
+DISCOVERY_FINGERPRINT = "a7c846c52a75"
