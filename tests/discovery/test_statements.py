@@ -14,7 +14,7 @@ from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.linear.cross_validation import CrossValidation
 from rigctl.answers.discovery import discovery_answer
 from rigctl.answers.discovery import written as written_term
-from rigctl.cli.commands.discover import _lead_on
+from rigctl.cli.commands.discover import _suggest_next
 from rigctl.command_line import DataOptions
 from rigctl.discovery.discover import _notes, _statement, _too_weak
 from rigctl.discovery.gate import gate_of
@@ -300,7 +300,7 @@ def test_a_model_that_agrees_is_not_said_to_fail(
     reason: str, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found: Any = SimpleNamespace(formulas=(), gate=SimpleNamespace(reason=reason))
-    _lead_on(found, ["latest"], "own.yaml", DataOptions(), None, saved=False)
+    _suggest_next(found, ["latest"], "own.yaml", DataOptions(), None, saved=False)
     printed = capsys.readouterr()
     assert said in printed.out + printed.err
 
@@ -309,6 +309,6 @@ def test_the_suggested_search_is_at_the_same_location(capsys: pytest.CaptureFixt
     """Without --slot it would have written the formulas of another search."""
     accepted = SimpleNamespace(accepted=True, file=None)
     found: Any = SimpleNamespace(formulas=(accepted,), gate=SimpleNamespace(reason="open"))
-    _lead_on(found, ["latest"], "own.yaml", DataOptions(only="record > 3"), "friction", saved=False)
+    _suggest_next(found, ["latest"], "own.yaml", DataOptions(only="record > 3"), "friction", saved=False)
     suggested = 'rigctl discover latest --model own.yaml --slot friction --only "record > 3" -o effects'
     assert suggested in capsys.readouterr().out
