@@ -27,6 +27,7 @@ _SECTIONS = {
     "model remove": ("compare", "model fit, add, remove"),
     "check": ("check",),
     "family new": ("family new",),
+    "frequency": ("frequency",),
 }
 #: objects whose names are a user's: of channels, parameters, tests, conditions
 _BY_NAME = {

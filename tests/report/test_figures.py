@@ -39,6 +39,14 @@ PLOT = Plot(
 )
 
 
+def test_a_logarithmic_axis_has_plain_numbers(tmp_path: Path) -> None:
+    x = np.geomspace(0.01, 10.0, 20)
+    plot = Plot("bode", "of x", "f [Hz]", (Panel("y", (Trace("", x, x),)),), log_x=True)
+    texts = [one.text for one in ET.parse(write_figure(plot, tmp_path, "svg")).iter() if one.text]
+    assert {"0.01", "0.1", "1", "10"} <= set(texts)
+    assert not [text for text in texts if "math" in text]
+
+
 @pytest.mark.parametrize("form", FORMATS)
 def test_a_plot_is_drawn_into_a_file(tmp_path: Path, form: str) -> None:
     path = write_figure(PLOT, tmp_path / "figures", form)

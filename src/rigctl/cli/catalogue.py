@@ -49,6 +49,9 @@ ENTRIES = (
     Entry("serve", "serve:serve", DATA, "Show the project in a browser: runs, live, models, reports."),
     Entry("oil", "oil:oil", PHYSICS, "Show density and viscosity over temperature and pressure."),
     Entry("compare", "compare:compare", PHYSICS, "Compare models with data: agreement, and where it fails."),
+    Entry(
+        "frequency", "frequency:frequency", PHYSICS, "Measure a frequency response, and compare a model's."
+    ),
     Entry("diagnose", "diagnose:diagnose", PHYSICS, "Find the effect that a model lacks, and add it."),
     Entry("discover", "discover:discover", PHYSICS, "Find a formula for a term that the library lacks."),
     Entry("design", "design:design", PHYSICS, "Design the next measurement to distinguish rivals."),

@@ -57,6 +57,9 @@ def write_figure(plot: Plot, folder: Path, form: str = "png") -> Path:
             for mark in plot.marks:
                 axes.axvline(mark.x, color=colours.MARK, linestyle="--", linewidth=1)
         grid[-1, 0].set_xlabel(plot.x_title)
+        if plot.log_x:
+            grid[-1, 0].set_xscale("log")
+            grid[-1, 0].xaxis.set_major_formatter("{x:g}")
         figure.suptitle(prose(plot.caption), fontsize=10)
         content = io.BytesIO()
         # a date would make equal plots differ; PNG files hold none

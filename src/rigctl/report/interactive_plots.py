@@ -115,7 +115,11 @@ def _layout(plot: Plot, height: int) -> dict[str, Any]:
         "dragmode": "zoom",
         "legend": {"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom"},
         "showlegend": True,
-        "xaxis": {"title": {"text": _text(plot.x_title)}, "anchor": _axis("y", len(plot.panels) - 1)},
+        "xaxis": {
+            "title": {"text": _text(plot.x_title)},
+            "anchor": _axis("y", len(plot.panels) - 1),
+            **({"type": "log", "dtick": "D2"} if plot.log_x else {}),
+        },
         "shapes": [*map(_span, plot.spans), *map(_mark, plot.marks)],
         "annotations": [_flag(mark) for mark in plot.marks],
     }

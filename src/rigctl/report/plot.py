@@ -73,3 +73,4 @@ class Plot:
     panels: tuple[Panel, ...]
     spans: tuple[Span, ...] = ()
     marks: tuple[Mark, ...] = field(default=())
+    log_x: bool = False  #: whether the axis of x is logarithmic

@@ -12,6 +12,7 @@ from rigctl.answers.budgets import budget_bars
 from rigctl.answers.comparison import all_held_out, comparison_answer, numbers, statements, where
 from rigctl.answers.model_title import model_title
 from rigctl.answers.systematic import left_of
+from rigctl.report.analysis.frequency_response import frequency_of_model
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records
 from rigctl.report.analysis.page_top import NamedModels, answer_section
@@ -45,6 +46,7 @@ def comparison_sections(comparison: Comparison, *, answered: bool = False) -> li
         *top,
         *_where(first, several=len(comparison.models) > 1),
         measured,
+        *frequency_of_model(last.fit, page_name(last)),
         _numbers(comparison, answered=answered),
     ]
 
