@@ -13,6 +13,7 @@ from rigctl.analysis.linear.linearisation import Linearisation, RecordTriangle
 from rigctl.analysis.linear.nuisance_projection import project
 from rigctl.analysis.linear.regions import Regions
 from rigctl.analysis.linear.size_scatter import size_scatter, with_scatter
+from rigctl.answers.reasons import scatter_text
 from rigctl.engine.one_thread import one_thread
 from rigctl_validation.scenario import Scenario, Wanted
 from rigctl_validation.work import diagnose_scenario
@@ -48,7 +49,7 @@ def test_scattering_sizes_are_detected_without_a_trend(seed: int) -> None:
     assert 0.2 <= found.width <= 0.4
     assert not found.follows
     assert found.counts
-    assert "scatters" in found.statement
+    assert "scatters" in scatter_text(found)
 
 
 @pytest.mark.parametrize("seed", range(4))
