@@ -156,7 +156,41 @@ def test_what_shows_no_response_says_why(here: Path) -> None:
     np.savetxt("other.csv", rows, "%.7g", ",", header="time [s],force [N],position [m]", comments="")
     told("import", "other.csv", "--rig", "rigs/swing.yaml")
     (one,) = answer("frequency", "latest")["responses"]
-    assert sum(line["shown"] for line in one["lines"]) < 0.15 * len(one["lines"])
+    assert not any(line["shown"] for line in one["lines"])
+    assert one["statement"].startswith("these records do not show how position follows force")
+
+
+PROCEDURE = """
+procedure: both
+rig: rigs/heater-board.yaml
+steps:
+  - record: {name: both, rate: 2 Hz}
+    do:
+      - waveform:
+          actuator: heater_1
+          multisine: {mean: 50 %, from: 10 mHz, to: 50 mHz, amplitude: 40 %}
+          repeat: 3
+  - set: {heater_2: 30 %}
+  - wait: 1 s
+"""
+
+
+def test_a_command_with_the_last_sample_of_a_record_is_no_other_input(here: Path) -> None:
+    """It used to be taken out, and in records of one shape the excitation with it."""
+    create_project(here)
+    Path("procedures/both.yaml").write_text(PROCEDURE, encoding="utf-8")
+    told("simulate", "procedures/both.yaml", "--seed", "1")
+    responses = answer("frequency", "latest")["responses"]
+    assert [(one["input"], one["output"]) for one in responses] == [
+        ("heater_1", "temperature_1"),
+        ("heater_1", "temperature_2"),
+    ]
+    assert all(one["other_inputs"] == [] for one in responses)
+    said = told("frequency", "latest")
+    assert "temperature_1 follows heater_1 from 0.01 to 0.05 Hz" in said
+    assert "no response is shown\n  of temperature_2 to heater_1: no line has a coherence" in said
+    (line,) = [line for line in told("check", "procedures/both.yaml").splitlines() if "multisine" in line]
+    assert "5 lines from 0.01 to 0.05 Hz, period 100 s, crest factor 1." in line
 
 
 def test_wrong_calls_are_one_message_each(here: Path) -> None:

@@ -90,9 +90,13 @@ class FrequencyResponse:
 
     @cached_property
     def shown(self) -> Mask:
-        """(f) lines that are excited and whose coherence shows that the output follows."""
+        """(f) excited lines with more coherence than chance gives; none if it may give all of them."""
+        excited = self.spectrum.excited
+        lowest = float(np.min(self.measured.p_value[excited], initial=1.0))
+        if lowest * int(excited.sum()) > ALPHA:
+            return np.zeros_like(excited)
         known = np.nan_to_num(self.measured.coherence)
-        return np.asarray(self.spectrum.excited & (known > self.spectrum.least_coherence))
+        return np.asarray(excited & (known > self.spectrum.least_coherence))
 
     @property
     def band(self) -> tuple[float, float]:
@@ -220,8 +224,10 @@ def responses_of_fit(
 
 def _of_fit(fitted: FitResult, name: str) -> _Series:
     problem = fitted.problem
-    measurements, records = problem.measurements, problem.records
-    rig = measurements.rig
+    measurements, rig = problem.measurements, problem.measurements.rig
+    # rows of a table may lie between records
+    at = [k for k, record in enumerate(problem.records) if not record.row and record.times.size > 1]
+    records = [problem.records[k] for k in at]
     units = dict(zip(measurements.outputs, measurements.units, strict=True))
     for item in problem.model.family.inputs:
         units[item.name] = item.unit
@@ -232,8 +238,11 @@ def _of_fit(fitted: FitResult, name: str) -> _Series:
     outputs = {}
     for column, output in enumerate(measurements.outputs):
         pairs = [
-            (np.where(ok[:, column], record.values[:, column], np.nan), simulated[:, column])
-            for ok, record, simulated in zip(problem.ok, records, fitted.outputs, strict=True)
+            (
+                np.where(problem.ok[k][:, column], record.values[:, column], np.nan),
+                fitted.outputs[k][:, column],
+            )
+            for k, record in zip(at, records, strict=True)
         ]
         outputs[output] = tuple(np.column_stack([seen, said, said - seen]) for seen, said in pairs)
     return _Series(
@@ -250,7 +259,7 @@ def _given(record: MeasuredRecord, index: int) -> Held | Floats:
     """An input of a model's record: a command, or what was measured."""
     if index in record.along:
         return record.input_course(index)
-    return Held(record.switch_times, record.inputs[:, index])
+    return _within(record.times, record.switch_times, record.inputs[:, index])
 
 
 def _of_runs(runs: Sequence[Run], only: str | None, input_name: str | None) -> _Series:
@@ -293,7 +302,14 @@ def _commanded(record: Record, name: str) -> Held:
     times = np.array([float(record.time[0]), *(one.time for one in given)])
     values = np.array([first if np.isfinite(first) else 0.0, *(one.value for one in given)])
     order = np.argsort(times, kind="stable")
-    return Held(times[order], values[order])
+    return _within(record.time, times[order], values[order])
+
+
+def _within(samples: Floats, times: Floats, values: Floats) -> Held:
+    """A command without what changes with the last sample, or later: nothing in the record follows that."""
+    before = times < samples[-1]
+    before[0] = True
+    return Held(times[before], values[before])
 
 
 def _chosen(every: list[tuple[Run, Record]], only: str | None) -> list[tuple[Run, Record]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rigctl.analysis.frequency_response import FrequencyResponse
-from rigctl.answers.blocks import Answer, Block, Column, Note, Sentence, Table, nonempty
+from rigctl.answers.blocks import Answer, Block, Column, Note, Points, Sentence, Table, nonempty
 from rigctl.units import significant
 from rigctl.wording import listed, number_of
 
@@ -53,6 +53,15 @@ def frequency_answer(one: FrequencyResponse) -> Answer:
         return Answer("good", "Same response", text, facts, more=more, headed=False)
     text = f"the response of {one.model} {ways} is not the measured one at {_of(count, one)}{_worst(one)}"
     return Answer("bad", "Another response", text, facts, more=more, headed=False)
+
+
+def shown_and_not(
+    responses: Sequence[FrequencyResponse],
+) -> tuple[list[FrequencyResponse], tuple[Block, ...]]:
+    """The responses that records show, and what else was looked for; a single one is always the former."""
+    shown = [one for one in responses if one.shown.any() or len(responses) == 1]
+    rest = [f"of {one.output} to {one.input}: {_why_none(one)}" for one in responses if one not in shown]
+    return shown, (Points.of("no response is shown", rest),) if rest else ()
 
 
 def frequency_evidence(one: FrequencyResponse) -> tuple[Block, ...]:
@@ -152,7 +161,7 @@ def _lines(one: FrequencyResponse) -> str:
     whole = one.spectrum.frequencies.size
     text = f"{excited} of {whole} excited" if excited < whole else number_of(excited, "line")
     hidden = excited - shown
-    if not hidden:
+    if not hidden or not shown:
         return text
     least = _fixed_two(one.spectrum.least_coherence)
     return f"{text}; {hidden} not shown, where a coherence below {least} is no evidence of any response"

@@ -27,8 +27,8 @@ from scipy.stats import f as f_distribution
 from rigctl.frequency.periods import Complex, Lines, Periods, find_periods, period_lines
 from rigctl.frequency.signals import Floats, Signals, held_gain, stretches
 
-#: probability of the circle
-_LEVEL: Final = 0.95
+#: probability of the circle, and share of unrelated lines below the least coherence
+_LEVEL, _UNRELATED = 0.95, 0.99
 #: a line with less than this share of the strongest one's power is not excited, nor one of which other inputs
 #: leave less than the second share
 _EXCITED, _LEFT = 1e-5, 0.05
@@ -86,11 +86,11 @@ class Spectrum:
 
     @cached_property
     def least_coherence(self) -> float:
-        """The coherence that an output without any relation to the input stays below in 95 % of lines."""
+        """The coherence that an output without any relation to the input stays below in 99 % of lines."""
         degrees = self.averages - 1.0
         if degrees <= 0.0:
             return 1.0
-        limit = float(f_distribution.ppf(_LEVEL, 2.0, 2.0 * degrees))
+        limit = float(f_distribution.ppf(_UNRELATED, 2.0, 2.0 * degrees))
         return limit / (limit + degrees)
 
 

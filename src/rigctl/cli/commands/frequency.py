@@ -103,9 +103,10 @@ def frequency(
             frequency_answer,
             frequency_documents,
             frequency_evidence,
+            shown_and_not,
         )
         from rigctl.cli.analysis_page import require_page, write_page
-        from rigctl.cli.blocks import show_answer
+        from rigctl.cli.blocks import show, show_answer
         from rigctl.cli.next_command import show_next
         from rigctl.command_line import DataOptions, analysis
         from rigctl.files.quantity import Q
@@ -122,9 +123,11 @@ def frequency(
     if as_json:
         print_json({"runs": [run.id for run in opened], "responses": frequency_documents(found)})
         return
-    for one in found:
+    shown, rest = shown_and_not(found)
+    for one in shown:
         show_answer(frequency_answer(one), frequency_evidence(one) if verbose else ())
-    if model is not None and any(one.differing.any() for one in found):
+    show(rest)
+    if model is not None and any(one.worst is not None for one in found):
         choice = DataOptions(only, None, assume or (), family)
         show_next(analysis("diagnose", runs, str(model), choice), "looks for what the model lacks")
 

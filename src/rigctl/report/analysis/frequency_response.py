@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.frequency_response import FrequencyResponse, responses_of_fit
 from rigctl.answers.blocks import Block, Details, Figure, Sentence
-from rigctl.answers.frequency_response import frequency_evidence, frequency_notes, frequency_sentence
+from rigctl.answers.frequency_response import (
+    frequency_evidence,
+    frequency_notes,
+    frequency_sentence,
+    shown_and_not,
+)
 from rigctl.answers.numbers import symbol
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
@@ -24,21 +29,21 @@ Floats = NDArray[np.float64]
 _MARKED = 100
 #: colours of the measured response, of the model's, and of limits
 _MEASURED, _MODEL, _LIMIT = 7, 0, 7
-#: responses that a page draws, those that show most lines first
-_DRAWN = 6
 
 
 def frequency_sections(responses: Sequence[FrequencyResponse], *, folded: bool = False) -> list[Section]:
     """A section with a Bode plot for each response, or what keeps the records from showing one."""
     plots: list[Plot] = []
     blocks: list[Block] = []
-    for number, one in enumerate(responses, start=1):
+    drawn, rest = shown_and_not(responses)
+    for number, one in enumerate(drawn, start=1):
         blocks.append(frequency_sentence(one))
         if one.shown.any():
             plots.append(bode_plot(one, f"frequency-{number}"))
             blocks.append(Figure(plots[-1].id, plots[-1].caption))
         blocks += frequency_notes(one)
         blocks.append(Details("lines", frequency_evidence(one)))
+    blocks += rest
     body = page_blocks(blocks, {plot.id: plot_slot(plot) for plot in plots})
     hint = "magnitude, phase and coherence" if plots else "these records do not show one"
     return [Section("frequency", "Frequency response", body, tuple(plots), folded=folded, hint=hint)]
@@ -54,7 +59,6 @@ def frequency_of_model(fitted: FitResult, name: str) -> list[Section]:
         body = page_blocks([Sentence(str(error))])
         hint = "these records do not show one"
         return [Section("frequency", "Frequency response", body, folded=True, hint=hint)]
-    found = sorted(found, key=lambda one: -int(one.shown.sum()))[:_DRAWN]
     return frequency_sections(found, folded=True)
 
 
@@ -94,7 +98,7 @@ def bode_plot(one: FrequencyResponse, key: str = "frequency") -> Plot:
                 "coherence",
                 (
                     Trace("", at, coherence, look, _MEASURED, in_legend=False),
-                    Trace("95 % of chance", at, least, Look.LINE, _LIMIT, "", True),
+                    Trace("99 % of chance", at, least, Look.LINE, _LIMIT, "", True),
                 ),
                 range=(0.0, 1.05),
             ),
