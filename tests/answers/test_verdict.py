@@ -15,12 +15,15 @@ from rigctl.analysis.collected_evidence import drift_evidence, evidence_for
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.conclusion import Doubt, Outcome, conclude, whether_at_all
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked
+from rigctl.analysis.improve import Improvement, NotImproved
 from rigctl.analysis.linear.cross_validation import CrossValidation
+from rigctl.analysis.search.own_scale import TooLargeForSensor
 from rigctl.analysis.search.reasons import NotPredicted, UndeterminedSize, UnusualSize, reasons_against
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.rivals import Differs, Rival, where_they_differ
 from rigctl.answers.evidence import rival_text, sentence
+from rigctl.answers.improvement import refusal_text
 from rigctl.answers.reasons import reason_text
 from rigctl.answers.verdict import effect_text, worded
 from rigctl.effects.registry import library
@@ -341,3 +344,31 @@ def test_the_opening_of_a_statement_has_all_reasons_and_the_effects_by_name() ->
     assert said.opening.startswith(
         "Something is missing. The nearest in the library is viscous_friction, but it leaves 40 % of"
     )
+
+
+@pytest.mark.parametrize(
+    ("refused", "said"),
+    [
+        (
+            NotImproved(("a", "b"), "held_out", 4),
+            "a and b does not improve the prediction of the 4 records held out",
+        ),
+        (
+            NotImproved(("a",), "conditions"),
+            "a does not improve the prediction of conditions left out of the fit",
+        ),
+        (
+            NotImproved(("a",), "blocks"),
+            "a does not improve the prediction of blocks of time left out of the fit",
+        ),
+        (
+            TooLargeForSensor("lag_of_p", 4e3),
+            "lag_of_p would be 4000 times the noise of a reading, as no sensor's",
+        ),
+        (None, ""),
+    ],
+)
+def test_an_effect_that_is_not_added_is_refused_with_its_reason(refused: Any, said: str) -> None:
+    found = refusal_text(cast("Improvement", SimpleNamespace(refused=refused)))
+    assert found.startswith(said)
+    assert bool(found) is (refused is not None)

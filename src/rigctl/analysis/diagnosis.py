@@ -1,4 +1,11 @@
-"""Which physical effect is missing from a model, how certain that is, and with what it may be confused."""
+"""Which physical effect is missing from a model, how certain that is, and with what it may be confused.
+
+In: a comparison of the model (`ModelComparison`), with the equations of the whole library. Out: a
+`Diagnosis`. The search proposes a set of effects and judgement decides on it: the first only minimises a
+criterion, so that it has an answer even where nothing should be named. What is measured wrongly is tried
+before what is missing (`_searched_with_sensors`), and a search is repeated if what it finds shows that the
+noise or the fit it began with was wrong (`_searched`).
+"""
 
 from __future__ import annotations
 
@@ -117,6 +124,7 @@ def diagnose_comparison(
         `most` is less than one, or the model cannot be simulated at its fit.
     """
     require_number_of_effects(most)
+    # a bound that a user wrote comes first: an effect would only imitate what the bound forbids
     beyond = agreeing_beyond(before)
     if beyond is not None:
         return _undecided_by_bound(before, beyond, runs, held_out, notes)

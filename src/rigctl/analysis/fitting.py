@@ -1,4 +1,10 @@
-"""From runs to a fitted model: the measurements, the records that the fit does not see, and the fit."""
+"""From runs to a fitted model: the measurements, the records that the fit does not see, and the fit.
+
+In: runs, a model, and conditions on records (`read_runs`). Out: a `FitResult` in the noise that its own
+residuals show (`fit_to_data`). Noise and fit depend on each other: the noise weighs the fit, and only a
+fitted model says which readings are spikes and when the bench is at rest. They are therefore found in turn,
+in the order that `fit_problem` gives with its reasons.
+"""
 
 from __future__ import annotations
 

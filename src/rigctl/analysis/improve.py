@@ -1,4 +1,10 @@
-"""Diagnose, add what is missing, and diagnose again, until the model is adequate or nothing helps."""
+"""Diagnose, add what is missing, and diagnose again, until the model is adequate or nothing helps.
+
+In: a comparison and the file of its model. Out: an `Improvement`: a `Step` for each addition, which is saved
+as a version of the file as soon as it is made, so that an interrupted loop leaves a model that can be used;
+the last diagnosis; and why it ended. Between diagnosis and addition stands `refusal`: what lowers mBIC but
+not the error on data outside the fit is not added.
+"""
 
 from __future__ import annotations
 

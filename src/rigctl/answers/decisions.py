@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import assert_never
 
 from rigctl.analysis.agreement.sensors import Recalibration
 from rigctl.analysis.agreement.undecided import (
@@ -49,4 +50,6 @@ def decision(one: Decision) -> str:
                 f"wider bounds of {' and '.join(parameters)} in its file; or, if they are right, a model "
                 "with another effect"
             )
+        case _:
+            assert_never(one)
     return text

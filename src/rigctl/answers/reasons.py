@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import assert_never
 
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.linear.size_scatter import SizeScatter
@@ -94,6 +95,8 @@ def _of_several(reason: MayResemble | WantedElsewhere | OnlyConstants | MayImita
                 f"together they leave {_amount(left)} that no other shape of their laws explains, and may "
                 "imitate an effect that is not in the library"
             )
+        case _:
+            assert_never(reason)
     return text
 
 

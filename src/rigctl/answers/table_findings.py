@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import assert_never
 
 from rigctl.analysis.agreement.adequacy import Adequacy
 from rigctl.analysis.agreement.trends import Trend
@@ -78,6 +79,8 @@ def _text(found: Finding) -> str:
                 f"{one.effect} ({one.z:.1f} sigma, {chance_text(one.p_value)})" for one in scores
             )
             text = f"Effects that would improve the fit, but not significantly: {named}"
+        case _:
+            assert_never(found)
     return text
 
 
@@ -198,6 +201,8 @@ def _step_text(step: NextStep) -> str:
                 text = f"take more values of {variable} than {listed(shown)}: any curve passes through two"
         case RepeatedConditions():
             text = "repeat each condition three times: so far the noise is only guessed"
+        case _:
+            assert_never(step)
     return text
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from rigctl.analysis import improve as improving
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.improve import ImprovementEnd, refusal
+from rigctl.analysis.improve import NotImproved, refusal
 from rigctl.analysis.linear.block_validation import BlockValidation, leave_blocks_out
 from rigctl.noise.noise_model import ChannelNoise
 
@@ -39,6 +39,4 @@ def test_a_single_record_is_tested_outside_the_fit_whatever_is_known_of_its_nois
     worse_ahead = BlockValidation((4.0, 4.0, 4.0), (1.0, 1.0, 1.0), (4.0, 20.0))
     monkeypatch.setattr(improving, "leave_blocks_out", lambda *_, **__: worse_ahead)
     refused = refusal(found, found.best, effects)
-    assert refused is not None
-    assert refused[0] is ImprovementEnd.NOT_PREDICTED
-    assert "blocks of time left out of the fit" in refused[1]
+    assert refused == NotImproved(tuple(effects), "blocks")

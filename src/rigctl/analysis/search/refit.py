@@ -1,4 +1,10 @@
-"""A model with some candidates added: refitted, and judged by its misfit and its number of parameters."""
+"""A model with some candidates added: refitted, and judged by its misfit and its number of parameters.
+
+In: the fit without the effects, the candidates, and optionally the fit of another set to start from. Out: a
+`RefittedSet`, or None where the model cannot be simulated. A search fits hundreds of sets, so that each
+starts from a fit that is known (`_WarmStart`), a set that is far behind the best one is fitted only
+coarsely, and bounds of the usual range are left only where they hold the fit.
+"""
 
 from __future__ import annotations
 

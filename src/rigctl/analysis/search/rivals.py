@@ -1,4 +1,11 @@
-"""Effects that may be confused with one that was found, and where their predictions differ most."""
+"""Effects that may be confused with one that was found, and where their predictions differ most.
+
+In: a search with its best set. Out: a `Rival` for each effect that could take the place of a member: those
+whose linearised signatures are alike, those that a search has put aside or fitted on its way, and pairs in
+place of a single effect. Each is refitted, because the linear problem knows no bounds. Whether a rival is
+excluded needs all of: a separation beyond chance, a difference of mBIC, and more than two laws of one effect
+may differ by (`Rival.separable`).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""Levenberg-Marquardt for many records, with bounds and priors."""
+"""Levenberg-Marquardt for many records, with bounds and priors.
+
+In: `Evaluate`, which gives whitened residuals and their derivatives of every record, and the unknowns, some
+of all records and some of one. Out: a `LeastSquaresResult` with the values, their covariance and why it
+ended.
+
+One iteration is: a damped step within bounds and box (`_step`); late in a fit, one with less damping if
+damping alone keeps it short (`_bolder`, `_dare`); the tests of the end (`_at_end`), before an evaluation
+that would be wasted; then the evaluation, after which the step is taken, lengthened or shortened (`_try`).
+An evaluation integrates every record, so everything else may be as thorough as it likes.
+"""
 
 from __future__ import annotations
 

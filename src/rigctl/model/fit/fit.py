@@ -1,4 +1,11 @@
-"""Fit a model's free parameters to measurements, and judge it on records that the fit did not see."""
+"""Fit a model's free parameters to measurements, and judge it on records that the fit did not see.
+
+In: a `Problem` and the records to be held out. Out: a `FitResult`, from which values, standard deviations
+and errors are asked as they are needed. A fit without known starting values goes a long way: from distant
+starting values to a coarse end, once more from there with what is far from its priors reset, and only then
+to convergence (`_from_afar`), since a single descent ends in the nearest valley. Results are kept by content
+(`rigctl.engine.result_cache`): a diagnosis repeats fits of the comparison before it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""A model and its measurements as a least-squares problem in whitened residuals."""
+"""A model and its measurements as a least-squares problem in whitened residuals.
+
+In: a `Model`, `Measurements` and a `NoiseModel` (`make_problem`). Out: a frozen `Problem`, whose `evaluate`
+is what `rigctl.engine.least_squares` minimises: it simulates every record with its sensitivities, reads the
+outputs as the sensors and clocks would, subtracts the measured values, and whitens. Fits, tests and searches
+share it: they ask for other unknowns, other records or the equations of the whole library by `with_shared`,
+`only` and `rebuilt`, each of which returns a new problem. What was evaluated last is kept (`recent`), as a
+fit's last point is the first one of the tests.
+"""
 
 from __future__ import annotations
 
