@@ -27,11 +27,11 @@ from rigctl.answers.blocks import (
     counted,
     nonempty,
 )
-from rigctl.answers.decisions import decisions
+from rigctl.answers.decided_by import decisions
 from rigctl.answers.errors import error_text, fit_text, held_out_text, in_brief, noise_known_from, pattern_of
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.numbers import resolved
-from rigctl.answers.systematic import falls, left_of
+from rigctl.answers.systematic_error import falls, left_of
 from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure
 from rigctl.physics.family import ModelFamily

@@ -32,7 +32,7 @@ from rigctl.answers.comparison import (
     further_findings,
     place_in_words,
 )
-from rigctl.answers.decisions import decisions
+from rigctl.answers.decided_by import decisions
 from rigctl.answers.errors import error_text, fit_text, in_brief, pattern_of
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import certain, points, sentence, would_be_missing
@@ -40,7 +40,7 @@ from rigctl.answers.laws import law_text
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.reasons import remainder_text
 from rigctl.answers.sensor_errors import explanation
-from rigctl.answers.systematic import falls, left_of, lefts_of_diagnosis
+from rigctl.answers.systematic_error import falls, left_of, lefts_of_diagnosis
 from rigctl.answers.verdict import doubt_text, opening, parameters_text, statement
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult

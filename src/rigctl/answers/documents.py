@@ -11,7 +11,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import Improvement
 from rigctl.answers import agreement, table_findings
 from rigctl.answers import improvement as improved
-from rigctl.answers.decisions import decisions
+from rigctl.answers.decided_by import decisions
 from rigctl.answers.evidence import sentence
 from rigctl.answers.verdict import doubt_text, statement
 from rigctl.json_values import finite_or_none

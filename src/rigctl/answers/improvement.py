@@ -23,7 +23,7 @@ from rigctl.answers.errors import error_text
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import points
 from rigctl.answers.model_errors import error_bars
-from rigctl.answers.systematic import falls, left_of
+from rigctl.answers.systematic_error import falls, left_of
 from rigctl.model.fit.problem import Problem
 from rigctl.units import parse_unit
 

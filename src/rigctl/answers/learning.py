@@ -8,7 +8,7 @@ from rigctl.answers.blocks import Answer, nonempty
 from rigctl.answers.errors import error_text, held_out_text
 from rigctl.answers.improvement import sizes_in
 from rigctl.answers.numbers import plural
-from rigctl.answers.systematic import falls
+from rigctl.answers.systematic_error import falls
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned
 from rigctl.model.fit.fit import FitResult

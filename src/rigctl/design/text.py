@@ -86,7 +86,7 @@ def _calibration(design: DesignResult) -> str:
     diagnosis = design.diagnosis
     if diagnosis is None or not diagnosis.instead_of_sensors or not diagnosis.decided_by:
         return ""
-    return "; " + worded(diagnosis.decided_by[0], "decisions.decision")
+    return "; " + worded(diagnosis.decided_by[0], "decided_by.decision")
 
 
 def _least(design: DesignResult, pair: tuple[str, str]) -> float:

@@ -11,7 +11,7 @@ from rigctl.answers.blocks import Sentence
 from rigctl.answers.budgets import budget_bars
 from rigctl.answers.diagnosis import diagnosis_answer, diagnosis_evidence
 from rigctl.answers.model_title import model_title
-from rigctl.answers.systematic import lefts_of_diagnosis
+from rigctl.answers.systematic_error import lefts_of_diagnosis
 from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
 from rigctl.report.analysis.page_top import NamedModels, answer_section

@@ -13,7 +13,7 @@ from rigctl.analysis.improve import Improvement
 from rigctl.answers.blocks import Details, Figure, Sentence
 from rigctl.answers.diagnosis import whole_diagnosis
 from rigctl.answers.improvement import improvement_answer
-from rigctl.answers.systematic import left_of
+from rigctl.answers.systematic_error import left_of
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.held_out import unseen_sections
