@@ -1,4 +1,4 @@
-"""What results below `answers` ask it for exists there: they name it in texts, which no type checker reads."""
+"""What results below `answers` ask it for exists there: they name it in text, which no type checker reads."""
 
 from __future__ import annotations
 
