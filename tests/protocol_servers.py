@@ -73,8 +73,11 @@ class Server(ABC):
     delay: s that it lets each answer wait; may be set at any time.
     """
 
-    def __init__(self, rig: Rig) -> None:
-        self.circuit = Circuit(rig)
+    switch, level = "heater", "relief_valve"  # what its switched and its continuous output are
+    temperature = "oil_temperature"  # what its thermometer reads
+
+    def __init__(self, rig: Rig, circuit: Circuit | None = None) -> None:
+        self.circuit = circuit or Circuit(rig)
         self.asked = 0
         self.mute = self.refusing = self.broken = False
         self.delay = 0.0
@@ -185,16 +188,16 @@ class ModbusServer(Server):
             registers[: len(self._inputs())] = self._inputs()
         elif function == 3:
             registers[99 - start] = 4711
-            registers[0] = round(self.circuit.outputs["relief_valve"] / 1e3)
+            registers[0] = round(self.circuit.outputs[self.level] / 1e3)
         elif function == 1:
-            registers[0] = int(self.circuit.outputs["heater"])
+            registers[0] = int(self.circuit.outputs[self.switch])
         return None
 
     def _written(self, function: int, address: int, values: list[Any]) -> None:
         if function == 5:
-            self.circuit.set("heater", float(values[0]))
+            self.circuit.set(self.switch, float(values[0]))
         elif address == 0:
-            self.circuit.set("relief_valve", values[0] * 1e3)
+            self.circuit.set(self.level, values[0] * 1e3)
         else:
             self.beats += 1
 
@@ -202,14 +205,14 @@ class ModbusServer(Server):
         now = self.circuit.read()
         pressure = float("nan") if self.broken else now["supply_pressure"] / 1e5
         packed = struct.unpack(">HH", struct.pack(">f", pressure))
-        celsius = -32768 if self.broken else round(100.0 * (now["oil_temperature"] - 273.15))
+        celsius = -32768 if self.broken else round(100.0 * (now[self.temperature] - 273.15))
         return [*(packed[::-1] if self.little else packed), celsius & 0xFFFF]
 
 
 class RtuServer(ModbusServer):
     """The same on a serial line: two pseudo-terminals, back to back."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, circuit: Circuit | None = None) -> None:
         import os
         import tty
 
@@ -218,7 +221,7 @@ class RtuServer(ModbusServer):
             tty.setraw(slave)
             os.set_blocking(master, False)
         self._names = [os.ttyname(slave) for _, slave in self._ends]
-        super().__init__(rig)
+        super().__init__(rig, circuit)
 
     @property
     def port(self) -> str:
@@ -261,12 +264,12 @@ class ScpiServer(Server):
     errors: what `SYST:ERR?` gives, first come first.
     """
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, circuit: Circuit | None = None) -> None:
         self.received: list[str] = []
         self.answered = 0
         self.errors: list[str] = []
         self._writers: set[asyncio.StreamWriter] = set()
-        super().__init__(rig)
+        super().__init__(rig, circuit)
 
     @property
     def port(self) -> str:
@@ -301,24 +304,24 @@ class ScpiServer(Server):
         command, _, arguments = part.partition(" ")
         if command == "MEAS:VOLT:DC?":
             now = self.circuit.read()
-            volts = ((now["supply_pressure"] / 1e5 + 12.5) / 12.5, (now["oil_temperature"] - 223.15) / 20.0)
+            volts = ((now["supply_pressure"] / 1e5 + 12.5) / 12.5, (now[self.temperature] - 223.15) / 20.0)
             if self.refusing:
                 return "OVLD"
             return ",".join("+9.91000000E+37" if self.broken else f"{volt:+.8E}" for volt in volts)
         fixed = {
             "*IDN?": "ACME,34980,MY44001234,2.1",
             "*OPC?": "1",
-            "ROUT:CLOS?": f"{self.circuit.outputs['heater']:.0f}",
-            "SOUR:VOLT?": f"{self.circuit.outputs['relief_valve'] / 6e5:+.6E}",
+            "ROUT:CLOS?": f"{self.circuit.outputs[self.switch]:.0f}",
+            "SOUR:VOLT?": f"{self.circuit.outputs[self.level] / 6e5:+.6E}",
         }
         if command == "SYST:ERR?":
             return self.errors.pop(0) if self.errors else '+0,"No error"'
         if command in fixed:
             return fixed[command]
         if command in ("ROUT:CLOS", "ROUT:OPEN"):
-            self.circuit.set("heater", float(command == "ROUT:CLOS"))
+            self.circuit.set(self.switch, float(command == "ROUT:CLOS"))
         elif command == "SOUR:VOLT":
-            self.circuit.set("relief_valve", 6e5 * float(arguments.partition(",")[0]))
+            self.circuit.set(self.level, 6e5 * float(arguments.partition(",")[0]))
         elif command and command != "*CLS":
             self.errors.append('-113,"Undefined header"')
         return None
@@ -416,11 +419,11 @@ class OpcUaServer(Server):
     caching = False
     skew = 0.0
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, circuit: Circuit | None = None) -> None:
         self._ends: set[asyncio.StreamWriter] = set()
         self.statuses: dict[str, str] = {}
         _controller().served = self
-        super().__init__(rig)
+        super().__init__(rig, circuit)
 
     @property
     def port(self) -> str:
@@ -431,17 +434,17 @@ class OpcUaServer(Server):
         return {
             "Plant": "oil circuit 4711",
             "SupplyPressure": float("nan") if self.broken else now["supply_pressure"] / 1e5,
-            "OilTemperature": round(100.0 * (now["oil_temperature"] - 273.15)),
-            "Heater": bool(outputs["heater"]),
-            "ReliefValve": outputs["relief_valve"] / 1e5,
+            "OilTemperature": round(100.0 * (now[self.temperature] - 273.15)),
+            "Heater": bool(outputs[self.switch]),
+            "ReliefValve": outputs[self.level] / 1e5,
             "HostAlive": self.beats % 128,
         }
 
     def written(self, name: str, number: float) -> None:
         if name == "Heater":
-            self.circuit.set("heater", number)
+            self.circuit.set(self.switch, number)
         elif name == "ReliefValve":
-            self.circuit.set("relief_valve", number * 1e5)
+            self.circuit.set(self.level, number * 1e5)
         else:
             self.beats += 1
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import datetime
 
 from rigctl.errors import ExitCode, Location, RigctlError
@@ -30,13 +30,20 @@ class OutputsNotSafe(BackendLost):
 
     `outputs` are those that may be on as far as the bench knows, with the SI values that they may have.
     `unseen_since` is the calendar time of the last contact, if a restart may since have switched on any other
-    output; None otherwise.
+    output; None otherwise. `confirmed` are outputs that are safe all the same: those of other devices.
     """
 
-    def __init__(self, what: str, outputs: Mapping[str, float], unseen_since: datetime | None = None) -> None:
+    def __init__(
+        self,
+        what: str,
+        outputs: Mapping[str, float],
+        unseen_since: datetime | None = None,
+        confirmed: Collection[str] = (),
+    ) -> None:
         super().__init__(what)
         self.outputs = dict(outputs)
         self.unseen_since = unseen_since
+        self.confirmed = frozenset(confirmed)
 
 
 class OutOfReach(BackendLost):

@@ -16,6 +16,24 @@ from rigctl.plan.loop import LoopSettings, LoopState
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """What one of several devices has read, in the columns of the whole bench.
+
+    Parameters
+    ----------
+    device: its name.
+    time: when it read its channels, in s: not necessarily later than the newest reading of another device.
+    values: as of a `Sample`; NaN for the channels of other devices.
+    commands: those of all devices that were in force then.
+    """
+
+    device: str
+    time: float
+    values: tuple[float, ...]
+    commands: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Sample:
     """One reading of every channel.
 
@@ -25,11 +43,24 @@ class Sample:
     values: SI values in the order of ``rig.layout.channels``; NaN for a channel without a value.
     commands: the actuators' commanded values in the order of ``rig.layout.commands``, in force when
         the channels were read.
+    reading: on a bench of several devices, the one reading that is new in this sample. The other values are
+        the newest of each channel, unless they are older than their device's ``stale_after``.
     """
 
     time: float
     values: tuple[float, ...]
     commands: tuple[float, ...]
+    reading: Reading | None = None
+
+    @property
+    def device(self) -> str:
+        """The device that was read; empty for the one device of a bench."""
+        return "" if self.reading is None else self.reading.device
+
+    @property
+    def read(self) -> Reading | Sample:
+        """What was read: no value, and no time, is that of another reading."""
+        return self.reading or self
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +154,16 @@ class Polled(Protocol):
     @property
     def sample_takes(self) -> float:
         """s that a sample takes, the shortest so far; 0 before there is one."""
+        ...
+
+
+@runtime_checkable
+class Combined(Protocol):
+    """A bench of several devices, which are read and commanded independently of one another."""
+
+    @property
+    def devices(self) -> Mapping[str, Backend]:
+        """The bench of each device, by name."""
         ...
 
 

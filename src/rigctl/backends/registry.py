@@ -8,11 +8,12 @@ from importlib import import_module
 from rigctl.backends.protocol import Backend
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
-from rigctl.errors import RigctlError, unknown_name
-from rigctl.rig import Rig
+from rigctl.errors import RigctlError, require_known, unknown_name
+from rigctl.rig import DEVICES, Rig
 
 #: name on the command line -> module whose ``create(rig, clock, options)`` makes it
 _MODULES: Mapping[str, str] = {
+    DEVICES: "rigctl.backends.combined.create",
     "emulated": "rigctl.backends.emulated.create",
     "modbus": "rigctl.backends.modbus.create",
     "opcua": "rigctl.backends.opcua.create",
@@ -21,6 +22,9 @@ _MODULES: Mapping[str, str] = {
     "simulated": "rigctl.backends.simulated.create",
     "visa": "rigctl.backends.visa.create",
 }
+
+#: backends that stand for a whole bench, whatever its devices are
+_WHOLE = ("simulated", "emulated", "replay")
 
 
 def backend_names() -> tuple[str, ...]:
@@ -59,34 +63,71 @@ def address_of(rig: Rig, port: str | None) -> Address:
     RigctlError
         the file names no device on a port, or an option is wrong.
     """
-    address = address_with(rig, rig.backend_named(), {} if port is None else {"port": port})
-    if address is None:
-        raise RigctlError(f"the rig '{rig.name}' is on no port", value=rig.backend.kind)
-    return address
+    addresses = addresses_with(rig, rig.backend_named(), {} if port is None else {"port": port})
+    if not addresses:
+        raise RigctlError(f"the rig '{rig.name}' is on no port", value=rig.kind)
+    return addresses[""]
 
 
-def address_with(rig: Rig, choice: str | None, options: Mapping[str, object]) -> Address | None:
-    """Return the address that `create_backend` would open; None for a backend that is on no port.
+def addresses_with(rig: Rig, choice: str | None, options: Mapping[str, object]) -> dict[str, Address]:
+    """Return the addresses that `create_backend` would open, by device; none for a backend on no port.
 
     Raises
     ------
     RigctlError
-        as `create_backend`.
+        as `create_backend`; or two devices are at one address.
     """
     name, settings = _chosen(rig, choice, options)
+    if name == DEVICES:
+        found = {
+            device: address
+            for device, part in rig.parts.items()
+            for address in addresses_with(part, None, options_of_device(rig, device, settings)).values()
+        }
+        at: dict[str, str] = {}
+        for device, address in found.items():
+            if (other := at.setdefault(address.key, device)) != device:
+                raise RigctlError(f"'{other}' and '{device}' are at one address", value=address.url)
+        return found
     module = import_module(_MODULES[name])
-    address: Address | None = module.address_of(rig, settings) if hasattr(module, "address_of") else None
-    return address
+    return {"": module.address_of(rig, settings)} if hasattr(module, "address_of") else {}
+
+
+def options_of_device(rig: Rig, device: str, options: Mapping[str, object]) -> dict[str, object]:
+    """Return the options of one of several devices; `options` may have ``port`` by device, ``clear_trips``.
+
+    Raises
+    ------
+    RigctlError
+        there is no such option, or no such device.
+    """
+    for name in options:
+        if name not in ("port", "clear_trips"):
+            raise unknown_name("option of a bench of several devices", name, ("port", "clear_trips"))
+    ports = options.get("port", {})
+    if not isinstance(ports, Mapping):
+        raise RigctlError("the rig has several devices", value=str(ports), expected="NAME=ADDRESS")
+    require_known("device", ports, rig.devices)
+    chosen: dict[str, object] = {"port": ports[device]} if device in ports else {}
+    described = rig.devices[device]
+    if options.get("clear_trips") and described.lines is None and described.kind in ("serial", "emulated"):
+        chosen["clear_trips"] = True
+    return chosen
 
 
 def _chosen(
     rig: Rig, choice: str | None, options: Mapping[str, object] | None
 ) -> tuple[str, dict[str, object]]:
     """Return the name of a backend, and its options."""
-    name = choice or rig.backend.kind
+    name = choice or rig.kind
     if name not in _MODULES:
         raise unknown_name("backend", name, _MODULES)
-    from_rig = rig.backend.options if name == rig.backend.kind else {}
+    if (name == DEVICES) != bool(rig.devices) and name not in _WHOLE:
+        has = "several devices" if rig.devices else "one backend"
+        raise RigctlError(
+            f"the rig '{rig.name}' has {has}", value=name, expected=" or ".join((rig.kind, *_WHOLE))
+        )
+    from_rig = rig.backend.options if name == rig.kind else {}
     return name, {**from_rig, **(options or {})}
 
 

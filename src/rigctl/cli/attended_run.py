@@ -47,7 +47,7 @@ def attended(
     from rigctl.runner.operators.keys import HELP, input_is_empty
     from rigctl.runner.operators.operator import Operator
 
-    kind = how.backend or plan.rig.backend.kind
+    kind = how.backend or plan.rig.kind
     by_hand = kind not in _UNATTENDED and not answers
     keys = typing_possible()
     if by_hand and not keys and not how.dry and input_is_empty():

@@ -32,6 +32,7 @@ class MonitorDisplay:
         self._readings = Readings(rig)
         self._time = 0.0
         self._alarms: dict[str, Alarm] = {}
+        self._devices: Sequence[str] = ()
         self._notices: deque[str] = deque(maxlen=_NOTICES)
         console = Console(file=stream, highlight=False)
         self._unicode = console.encoding.lower().startswith("utf")
@@ -48,9 +49,17 @@ class MonitorDisplay:
     ) -> None:
         self._live.stop()
 
-    def __call__(self, sample: Sample, alarms: Sequence[Alarm], notices: Sequence[str] = ()) -> None:
-        """Take a sample, the alarms that it raised or cleared, and the messages of the bench."""
+    def __call__(
+        self,
+        sample: Sample,
+        alarms: Sequence[Alarm],
+        notices: Sequence[str] = (),
+        devices: Sequence[str] = (),
+    ) -> None:
+        """Take a sample, the alarms that it raised or cleared, and the messages of the bench and on its
+        devices."""
         self._notices.extend(notices)
+        self._devices = devices
         changed = {alarm.name: alarm for alarm in alarms}
         latched = {**self._alarms, **changed}
         self._alarms = {name: alarm for name, alarm in latched.items() if alarm.active}
@@ -70,6 +79,6 @@ class MonitorDisplay:
         alarms = [Text(printable(alarm.message), style="red") for alarm in self._alarms.values()]
         notices = [Text(printable(text), style="yellow") for text in self._notices]
         heading = Text(f"{printable(self._rig.name)}  {stamp(self._time)}  Ctrl-C ends", style="dim")
-        return Group(
-            heading, Text(""), readings_table(self._readings, unicode=self._unicode), *alarms, *notices
-        )
+        devices = [Text(printable(text), style="dim") for text in self._devices]
+        table = readings_table(self._readings, unicode=self._unicode)
+        return Group(heading, *devices, Text(""), table, *alarms, *notices)

@@ -42,7 +42,7 @@ class ForecastBench:
 
 def bench_of(rig: Rig) -> ForecastBench:
     """The bench that a rig file describes."""
-    return ForecastBench(rig, tank_of(rig), cylinder_of(rig), rig.backend.kind == "simulated")
+    return ForecastBench(rig, tank_of(rig), cylinder_of(rig), rig.kind == "simulated")
 
 
 def initial_state(bench: ForecastBench) -> State:

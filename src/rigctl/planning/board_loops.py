@@ -21,15 +21,20 @@ def not_on_board(rig: Rig, action: Action) -> str | None:
     """
     if not isinstance(action, ControlOnBoard) or not action.required:
         return None
+    settings = action.settings()
+    device = rig.device_of(settings.actuator)
+    if rig.device_of(settings.channel) != device:
+        return f"'where: board': {settings.channel} and {settings.actuator} belong to different devices"
+    rig = rig.parts[device]
     kind = rig.backend.kind
     if kind not in _BOARDS or rig.backend.lines is not None:
-        device = kind if rig.backend.lines is None else f"{kind}, with a device of lines"
+        other = kind if rig.backend.lines is None else f"{kind}, with a device of lines"
         return (
-            f"'where: board' needs rigctl's board, and the rig file's backend is {device}; with "
+            f"'where: board' needs rigctl's board, and the rig file's backend is {other}; with "
             "'where: auto' the host runs the loop there"
         )
     try:
-        reason = unfit(Translation(rig, wiring_of(rig, rig.backend.options)), action.settings())
+        reason = unfit(Translation(rig, wiring_of(rig, rig.backend.options)), settings)
     except RigctlError:  # a bench that cannot be opened is reported when it is opened
         return None
     return f"'where: board': {reason}" if reason else None

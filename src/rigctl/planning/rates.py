@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from rigctl.backends.registry import options_of_device
 from rigctl.errors import Location, RigctlError
 from rigctl.plan import Leaf, Node, Plan, RecordNode, all_nodes
 from rigctl.planning.line_capacity import line_capacity
-from rigctl.rig import Rig
+from rigctl.rig import DEVICES, Rig
 
 _ROUNDING = 1e-9
 #: the kinds of backend whose devices have a limit
-REAL = ("serial", "modbus", "visa", "opcua", "emulated")
+REAL = ("serial", "modbus", "visa", "opcua", "emulated", DEVICES)
 #: share by which the shortest of a few measured times may exceed the true one, on a busy computer
 _MARGIN = 0.25
 
@@ -26,13 +27,24 @@ def too_fast(
     kind: of the backend, by default the rig's own.
     options: of the backend, where they are other than in the rig file: ``port``, ``baud``.
     """
-    kind = kind or rig.backend.kind
+    kind = kind or rig.kind
     fastest = rig.fastest_on(kind)
     if rate > fastest * (1.0 + _ROUNDING):
         return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"
+    if kind == DEVICES:
+        return _line_too_slow(rig, rate, options or {})
     line = line_capacity(rig, kind, options or {})
     if line is not None and rate > line.fastest * (1.0 + _ROUNDING):
         return f"{rate:g} Hz is more than possible: {line}"
+    return None
+
+
+def _line_too_slow(rig: Rig, rate: float, options: Mapping[str, object]) -> str | None:
+    """Why one of several devices cannot be read as often as its part of a bench at `rate` needs."""
+    for name, part in rig.parts.items():
+        reason = too_fast(part, rig.rate_of(name, rate), None, options_of_device(rig, name, options))
+        if reason is not None:
+            return f"{name}: {reason}"
     return None
 
 
@@ -44,7 +56,7 @@ def refuse_rates(plan: Plan, kind: str | None = None, options: Mapping[str, obje
     RigctlError
         there is one, with the location of the first; or the rig's own rate between records is too high.
     """
-    if (kind or plan.rig.backend.kind) not in REAL:
+    if (kind or plan.rig.kind) not in REAL:
         return
     message = too_fast(plan.rig, plan.rig.monitor_rate, kind, options)
     if message is not None:
@@ -55,23 +67,28 @@ def refuse_rates(plan: Plan, kind: str | None = None, options: Mapping[str, obje
             raise RigctlError(f"{node.label}: {message}", where=node.where)
 
 
-def refuse_slow_answers(plan: Plan, takes: float) -> None:
+def refuse_slow_answers(plan: Plan, takes: float, device: str = "") -> None:
     """Refuse a plan whose records would lack too many samples, with a device that answers one at a time.
 
     A device that needs ``takes`` s for a sample delivers ``1/takes`` Hz, so that of a record at rate r at
-    least the share ``1 - 1/(r takes)`` is missing.
+    least the share ``1 - 1/(r takes)`` is missing. One of several devices is read at its own rate, which is
+    at most its ``fastest``.
 
     Raises
     ------
     RigctlError
         a record would lack more than the share that it accepts, or a loop more than none.
     """
-    for node, rate, accepted in _rates(plan):
+    who = f"device '{device}'" if device else "the device"
+    hint = f"'fastest' in the description of '{device}' says how often it is read" if device else None
+    for node, wanted, accepted in _rates(plan):
+        rate = plan.rig.rate_of(device, wanted) if device else wanted
         if rate * takes * (1.0 - accepted) > 1.0 + _MARGIN:
             raise RigctlError(
-                f"{node.label}: {rate:g} Hz is more than the device can deliver: "
+                f"{node.label}: {rate:g} Hz is more than {who} can deliver: "
                 f"a sample takes {takes:.2g} s, which allows {1.0 / takes:.2g} Hz",
                 where=node.where,
+                hint=hint,
             )
 
 

@@ -7,15 +7,17 @@ from rigctl.rig.layout import Layout
 from rigctl.rig.limit import Limit
 from rigctl.rig.load import load_rig, parse_rig
 from rigctl.rig.protocols.lines import Exchange, KeepAlive, LineActuator, Lines, Query
-from rigctl.rig.rig import Backend, Rig
+from rigctl.rig.rig import DEVICES, Backend, Device, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
 from rigctl.rig.simulation import Simulation
 
 __all__ = [
+    "DEVICES",
     "Actuator",
     "Backend",
     "Calibration",
     "Channel",
+    "Device",
     "Exchange",
     "HeatRole",
     "KeepAlive",

@@ -26,6 +26,9 @@ class Actuator(Part):
         default="driven", description="driven by the board, or set by hand when the operator is prompted"
     )
     description: str = Field(default="", description="for reports")
+    device: str | None = Field(
+        default=None, description="the device that switches it, by name; not needed where there is only one"
+    )
     prompt: str | None = Field(default=None, description="instruction for the operator")
     unit: str | None = Field(default=None, description="of a level, e.g. bar")
     low: AnyAmount | None = Field(default=None, description="lowest level")

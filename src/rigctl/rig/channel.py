@@ -80,6 +80,9 @@ class Channel(Part):
     unit: str = Field(description="unit for display and storage, e.g. bar")
     quantity: QuantityName = Field(description="the measured quantity")
     description: str = Field(default="", description="for reports: location and type of the sensor")
+    device: str | None = Field(
+        default=None, description="the device that reads it, by name; not needed where there is only one"
+    )
     raw: Raw | None = Field(
         default=None,
         description="the converter behind it; without one readings are neither rounded nor clipped",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import date
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.amount import Amount
+from rigctl.rig.actuator import Actuator
 from rigctl.rig.calibration import monotonic
 from rigctl.rig.channel import QUANTITIES, Channel
 from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
@@ -40,25 +42,104 @@ def problems(rig: Rig) -> Iterator[Problem]:
     yield from _safe_state(rig)
     yield from _constants(rig)
     yield from _simulation(rig)
-    spoken = [name for name in ("lines", "modbus", "opcua") if getattr(rig.backend, name) is not None]
+    if rig.devices:
+        yield from _devices(rig)
+    else:
+        yield from _devices_without(rig)
+        yield from _protocol(rig)
+        yield from _rates(rig)
+
+
+def _protocol(rig: Rig) -> Iterator[Problem]:
+    """Check the protocol of the one device of a rig, or of a part of it."""
+    device = rig.backend
+    spoken = [name for name in ("lines", "modbus", "opcua") if getattr(device, name) is not None]
     if len(spoken) > 1:
         error = RigctlError("a device has one protocol", value=", ".join(spoken))
         yield Problem(("backend", spoken[-1]), error, of_key=True)
-    if rig.backend.lines is not None:
-        yield from line_problems(rig, rig.backend.lines)
-    if rig.backend.modbus is not None:
-        yield from register_problems(rig.backend.modbus, rig.channels, rig.actuators, rig.safe_state)
-    elif rig.backend.kind == "modbus":
-        yield Problem(("backend",), RigctlError("nothing says where its registers are", expected="'modbus:'"))
-    if rig.backend.opcua is not None:
-        yield from node_problems(rig.backend.opcua, rig.channels, rig.actuators)
-    elif rig.backend.kind == "opcua":
-        yield Problem(("backend",), RigctlError("nothing says where its nodes are", expected="'opcua:'"))
-    yield from _rates(rig)
-    if rig.backend.kind == "visa" and rig.backend.lines is None:
-        yield Problem(
-            ("backend",), RigctlError("nothing says what the instrument is sent", expected="'lines:'")
-        )
+    if device.lines is not None:
+        yield from line_problems(rig, device.lines)
+    if device.modbus is not None:
+        yield from register_problems(device.modbus, rig.channels, rig.actuators, rig.safe_state)
+    if device.opcua is not None:
+        yield from node_problems(device.opcua, rig.channels, rig.actuators)
+    for kind, field, what in (
+        ("modbus", "modbus", "where its registers are"),
+        ("opcua", "opcua", "where its nodes are"),
+        ("visa", "lines", "what the instrument is sent"),
+    ):
+        if device.kind == kind and getattr(device, field) is None:
+            error = RigctlError(f"nothing says {what}", expected=f"'{field}:'")
+            yield Problem(("backend",), error)
+
+
+def _devices_without(rig: Rig) -> Iterator[Problem]:
+    """Refuse the names of devices in a rig that names none."""
+    for section, parts in (("channels", rig.channels), ("actuators", rig.actuators)):
+        for name, part in parts.items():
+            if part.device is not None:
+                error = RigctlError(
+                    "the rig names no devices", value=part.device, expected=f"'devices: {{{part.device}: …}}'"
+                )
+                yield Problem((section, name, "device"), error)
+
+
+def _devices(rig: Rig) -> Iterator[Problem]:
+    """Check the devices of a bench that has several."""
+    if rig.backend.model_fields_set:
+        error = RigctlError("a rig has one backend or several devices", value="both", expected="one of them")
+        yield Problem(("backend",), error, of_key=True)
+    for name, device in rig.devices.items():
+        if device.lost != "stop":
+            error = RigctlError(
+                "lost: a run cannot go on without a device yet", value=device.lost, expected="stop"
+            )
+            yield Problem(("devices", name, "lost"), error)
+    yield from _addresses(rig)
+    strays = list(_members(rig))
+    yield from strays
+    if not strays:  # otherwise it is not known what the protocols have to describe
+        yield from _protocols(rig)
+
+
+def _members(rig: Rig) -> Iterator[Problem]:
+    """Check that each channel and driven actuator belongs to a device."""
+    for section, parts in (("channels", rig.channels), ("actuators", rig.actuators)):
+        for name, part in parts.items():
+            if part.device is not None:
+                yield from _known(rig.devices, "device", part.device, (section, name, "device"))
+            elif not (isinstance(part, Actuator) and part.by == "operator"):
+                example = f"'device: {next(iter(rig.devices))}', say"
+                error = RigctlError(f"nothing says which device '{name}' belongs to", expected=example)
+                yield Problem((section, name), error, of_key=True)
+
+
+def _addresses(rig: Rig) -> Iterator[Problem]:
+    """Check that no two devices have one address; several units may be behind one Modbus gateway."""
+    ports: dict[str, list[tuple[str, int | None]]] = {}
+    for name, device in rig.devices.items():
+        if device.port is None:
+            continue
+        unit = None if device.modbus is None else device.modbus.unit
+        others = ports.setdefault(device.port.strip().casefold(), [])
+        for other, behind in others:
+            if unit is None or behind is None or unit == behind:
+                error = RigctlError(f"'{other}' is at this address already", value=device.port)
+                yield Problem(("devices", name, "port"), error)
+        others.append((name, unit))
+
+
+def _protocols(rig: Rig) -> Iterator[Problem]:
+    """Check each device's protocol, and that something belongs to it."""
+    for name, part in rig.parts.items():
+        keys = ("devices", name)
+        if not (part.channels or part.actuators):
+            error = RigctlError("no channel and no actuator belongs to this device", value=name)
+            yield Problem(keys, error, of_key=True)
+            continue
+        for problem in _protocol(part):
+            at = problem.keys
+            yield replace(problem, keys=(*keys, *at[1:])) if at[0] == "backend" else problem
 
 
 def _rates(rig: Rig) -> Iterator[Problem]:
@@ -381,19 +462,25 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
     if not any(limit.action == "stop" for limit in rig.limits.values()):
         yield "no limit stops a run: the rig file has no interlock"
     without = [name for name, one in rig.channels.items() if one.range is None]
-    if rig.backend.kind in _REAL and without:
+    if without and any(part.kind in _REAL for part in rig.parts.values()):
         yield (
             f"{', '.join(without)}: without a 'range' a broken wire or a garbled number counts as a reading: "
             "it says what the sensor can measure, e.g. range: [-40 degC, 150 degC]"
         )
+    for part in rig.parts.values():
+        yield from _without_watchdog(part)
+        yield from _read_back(part)
+    yield from _exact(rig)
+
+
+def _without_watchdog(rig: Rig) -> Iterator[str]:
+    """Warn of outputs that stay on if this computer dies."""
     lines, driven = rig.lines, [n for n, part in rig.actuators.items() if part.by == "driven"]
     if lines is not None and driven and lines.keep_alive is None:
         yield (
             f"the device has no watchdog of its own: {', '.join(driven)} would stay on if this computer "
             "dies; its guard, a process on this computer, acts when rigctl alone does"
         )
-    yield from _read_back(rig)
-    yield from _exact(rig)
 
 
 def _exact(rig: Rig) -> Iterator[str]:

@@ -33,7 +33,10 @@ from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation
 
 #: cached properties, which are computed from the fields and the text of a rig
-_WORKED_OUT = ("layout", "sha256")
+_WORKED_OUT = ("layout", "sha256", "parts")
+
+#: the kind of a bench of several devices
+DEVICES = "devices"
 
 
 _Rate = Annotated[float, Q("Hz", positive=True, high=f"{FASTEST:g} Hz")]
@@ -59,6 +62,23 @@ class Backend(Part):
     opcua: OpcUa | None = Field(default=None, description="the nodes of an OPC UA server")
 
 
+class Device(Backend):
+    """One of several devices of a bench, with the same fields as `backend`."""
+
+    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "emulated"] = Field(
+        description="how the device is reached"
+    )
+    stale_after: Annotated[float, Q("s", positive=True)] | None = Field(
+        default=None,
+        description="readings older than this are no values, and silence for this time is a fault; by "
+        "default `stale_after` of the rig",
+    )
+    lost: Literal["stop", "pause", "continue"] = Field(
+        default="stop",
+        description="what the loss of the device does to a run; so far only `stop`, which ends it safely",
+    )
+
+
 class Rig(Part):
     """Channels, actuators, constants of the model, limits and the safe state."""
 
@@ -67,6 +87,10 @@ class Rig(Part):
     backend: Backend = Field(
         default=Backend(),
         description="the connection to the bench, unless a command gives another",
+    )
+    devices: dict[Name, Device] = Field(
+        default_factory=dict,
+        description="the devices of a bench that has several, by name, instead of `backend`",
     )
     model: str | None = Field(
         default=None, description="model family, e.g. hydraulic_cylinder, or a family file"
@@ -132,6 +156,16 @@ class Rig(Part):
         """The file it was read from."""
         return self._path
 
+    @property
+    def kind(self) -> str:
+        """The kind of backend that the file names; `DEVICES` if it has several devices."""
+        return DEVICES if self.devices else self.backend.kind
+
+    @property
+    def stated_kind(self) -> str | None:
+        """The same; None if the file does not say how the bench is reached."""
+        return self.kind if self.devices or "kind" in self.backend.model_fields_set else None
+
     def backend_named(self) -> str:
         """Return the kind of backend that the file names, which is the default of commands.
 
@@ -140,7 +174,8 @@ class Rig(Part):
         RigctlError
             the file names none; nothing is simulated or moved without a request.
         """
-        if "kind" not in self.backend.model_fields_set:
+        kind = self.stated_kind
+        if kind is None:
             raise RigctlError(
                 f"the rig '{self.name}' does not say how its bench is reached",
                 expected="'--backend serial' (modbus, visa, opcua, emulated, simulated, replay), or "
@@ -148,7 +183,27 @@ class Rig(Part):
                 where=Location(self.path),
                 hint="Nothing is simulated unasked; 'rigctl simulate' does it",
             )
-        return self.backend.kind
+        return kind
+
+    # --- several devices ---------------------------------------------------------------------------------
+
+    @cached_property
+    def parts(self) -> Mapping[str, Rig]:
+        """The rig of each device by name; of a bench with one device the rig itself, without a name."""
+        return {name: _part(self, name) for name in self.devices} or {"": self}
+
+    def device_of(self, name: str) -> str:
+        """Return the device of a channel or actuator; empty with one device, or for the operator."""
+        part: Channel | Actuator | None = self.channels.get(name) or self.actuators.get(name)
+        return "" if part is None or not self.devices else part.device or ""
+
+    def rate_of(self, device: str, rate: float) -> float:
+        """Return how often a device is read, Hz, when the bench is sampled at `rate`."""
+        return min(rate, self.parts[device].fastest)
+
+    def silence_limit(self, device: str, rate: float) -> float:
+        """Return the longest time without a reading of a device, s, when the bench is sampled at `rate`."""
+        return max(self.parts[device].stale_after, 3.0 / self.rate_of(device, rate))
 
     @property
     def text(self) -> str:
@@ -177,7 +232,7 @@ class Rig(Part):
 
     @property
     def lines(self) -> Lines | None:
-        """The line protocol of the device, or of its client; None without one."""
+        """The line protocol of the one device, or of its client; None without one."""
         backend = self.backend
         if backend.lines is None and backend.modbus is not None:
             return backend.modbus.in_lines(self.actuators)
@@ -190,10 +245,12 @@ class Rig(Part):
     @property
     def fastest(self) -> float:
         """The highest sampling rate of the device, Hz; infinite if not stated."""
-        return self.fastest_on(self.backend.kind)
+        return self.fastest_on(self.kind)
 
     def fastest_on(self, kind: str) -> float:
         """The same with a kind of backend that may be another than the rig's."""
+        if kind == DEVICES:  # the slower ones are read less often
+            return max(part.fastest for part in self.parts.values())
         device = self.backend.lines or self.backend.modbus or self.backend.opcua
         if device is None:
             return BOARD_RATES[1] if kind in ("serial", "emulated") else math.inf
@@ -211,3 +268,37 @@ class Rig(Part):
         from rigctl.rig.checks import warnings
 
         return list(warnings(self, today))
+
+
+def _part(rig: Rig, device: str) -> Rig:
+    """Return a rig with one of its devices only, and what belongs to that."""
+    described = rig.devices[device]
+    channels = {name: one for name, one in rig.channels.items() if one.device == device}
+    actuators = {name: one for name, one in rig.actuators.items() if one.device == device}
+    own = {*channels, *actuators}
+    simulation = rig.simulation.model_copy(
+        update={
+            "initial": {name: value for name, value in rig.simulation.initial.items() if name in own},
+            "scatter": {name: value for name, value in rig.simulation.scatter.items() if name in own},
+        }
+    )
+    return rig.model_copy(
+        update={
+            "backend": described,
+            "devices": {},
+            "model": None,
+            "channels": channels,
+            "clocks": {},
+            "could_have": {},
+            "actuators": actuators,
+            "roles": rig.roles.within(own),
+            "limits": {
+                name: limit
+                for name, limit in rig.limits.items()
+                if limit.channel in own and (limit.while_on is None or limit.while_on in own)
+            },
+            "safe_state": {name: value for name, value in rig.safe_state.items() if name in own},
+            "stale_after": described.stale_after or rig.stale_after,
+            "simulation": simulation,
+        }
+    )

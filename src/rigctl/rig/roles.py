@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 from pydantic import Field
 
 from rigctl.files.amount import AnyDifference
@@ -41,3 +43,13 @@ class Roles(Part):
     set_pressure: SetRole | None = None
     extend: MoveRole | None = None
     retract: MoveRole | None = None
+
+    def within(self, names: Container[str]) -> Roles:
+        """Return the roles whose actuator and channel are among `names`."""
+        kept = {}
+        for role in type(self).model_fields:
+            part = getattr(self, role)
+            if part is not None:
+                parties = (part.actuator, part.position if isinstance(part, MoveRole) else part.channel)
+                kept[role] = part if all(one is None or one in names for one in parties) else None
+        return self.model_copy(update=kept)

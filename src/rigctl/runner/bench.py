@@ -41,6 +41,7 @@ class Bench:
         self.history = history
         self.columns: Mapping[str, int] = {name: index for index, name in enumerate(rig.layout.columns)}
         self.newest: Row | None = None
+        self.read_at: dict[str, float] = {}  #: s, time of each device's newest reading
         self.rate = rig.monitor_rate
         self.needed_rate = 0.0  #: lowest sampling rate that the step in progress needs, Hz
         self.record_began = -math.inf  #: s, when the newest record was opened
@@ -54,6 +55,7 @@ class Bench:
         self.question: Question | None = None
         self.reachable = True
         self._unseen_since: datetime | None = None  # last contact, see `OutputsNotSafe`
+        self._confirmed: frozenset[str] = frozenset()  # outputs that are safe though the bench is not
         self.trouble: RigctlError | None = None  #: the first event that could not be written
         self._types: dict[str, ValueType] = dict(rig.layout.types())
         self._switches: dict[str, float] = {}  # s, when each actuator was last switched, at the latest
@@ -140,8 +142,15 @@ class Bench:
 
     def fresh(self, names: Collection[str] = ()) -> Generator[Until, Row | None, Row]:
         """The newest row, or the next one if a command has been given since: the present state of the
-        bench. Nothing is decided without a value: it waits until all channels among `names` have one."""
-        known = self._known_in(names)
+        bench. Nothing is decided without a value: it waits until all channels among `names` have one, and
+        until their devices, or all, have been read since the command."""
+        present = self._known_in(names)
+        devices = {self.rig.device_of(name) for name in names} & self.rig.devices.keys()
+        awaited = (devices or self.rig.devices.keys()) if self.rig.devices else ()
+
+        def known(row: Row) -> bool:
+            return present(row) and all(self.read_at.get(one, -1.0) >= self._changed for one in awaited)
+
         row = self.newest if self.newest is not None and self.newest[0] >= self._changed else None
         while row is None or not known(row):
             row = yield Until(when=known)
@@ -376,9 +385,13 @@ class Bench:
         try:
             self.backend.safe()
         except Exception as error:  # noqa: BLE001 - whatever it is, an ending continues
+            self._confirmed = frozenset()
             if isinstance(error, OutputsNotSafe):  # also outputs whose last command was the safe value
                 self.doubtful |= error.outputs
                 self._unseen_since = error.unseen_since
+                self._confirmed = error.confirmed
+                if error.confirmed:
+                    self._note_safe(error.confirmed, reason)
             if self.reachable:
                 self.event("fault", f"outputs could not be made safe from here: {error}")
             self.reachable = False
@@ -389,16 +402,24 @@ class Bench:
         self.doubtful.clear()
         self._loops.clear()
         self._sent.clear()  # pending commands are dropped, or have been carried out
-        self.take_receipts()
-        for actuator, value in self.rig.safe_state.items():
-            changed = self.commanded.get(actuator) != float(value)
-            if changed and self.rig.actuators[actuator].by == "driven":
-                time = self.now
-                self._switched(CommandReceipt(time, actuator, float(value)), message=reason)
+        self._note_safe(self.rig.safe_state, reason)
         try:
             self._keep_watch()
         except RigctlError as error:
             self.event("fault", f"the bench could not be asked for fewer samples: {error}")
+
+    def _note_safe(self, names: Collection[str], reason: str) -> None:
+        """Log which driven outputs the bench has just made safe."""
+        for name in names:
+            self.doubtful.pop(name, None)
+            self._loops.discard(name)
+            self._sent.pop(name, None)
+        self.take_receipts()
+        for actuator, value in self.rig.safe_state.items():
+            changed = self.commanded.get(actuator) != float(value)
+            if changed and actuator in names and self.rig.actuators[actuator].by == "driven":
+                time = self.now
+                self._switched(CommandReceipt(time, actuator, float(value)), message=reason)
 
     @property
     def driven(self) -> set[str]:
@@ -431,7 +452,8 @@ class Bench:
             if self.rig.actuators[name].by == "driven"
             and (value != self.safe_value(name) or name in self._loops)
         }
-        names = ", ".join(name for name in self.rig.safe_state if self.rig.actuators[name].by == "driven")
+        driven = [name for name in self.rig.safe_state if self.rig.actuators[name].by == "driven"]
+        names = ", ".join(self._with_device(name) for name in driven if name not in self._confirmed)
         if doubts or self._unseen_since is None or not names:
             return self._shown(doubts)
         seen = f"{self._unseen_since.astimezone():%H:%M:%S}"
@@ -459,8 +481,16 @@ class Bench:
         )
 
     def _shown(self, outputs: Mapping[str, float]) -> str | None:
-        shown = (f"{name} {self.rig.actuators[name].show(value)}" for name, value in outputs.items())
+        shown = (
+            f"{self._with_device(name)} {self.rig.actuators[name].show(value)}"
+            for name, value in outputs.items()
+        )
         return ", ".join(shown) or None
+
+    def _with_device(self, name: str) -> str:
+        """The name of an output, after that of its device where there are several."""
+        device = self.rig.device_of(name)
+        return f"{device}: {name}" if device else name
 
     def restorable_at(self, commands: Mapping[str, float]) -> float:
         """When every actuator has rested long enough for `restore`, s."""

@@ -6,7 +6,7 @@ Imports little: `rigctl off` must not wait for the modules that carry out a proc
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -14,12 +14,12 @@ from pathlib import Path
 
 from rigctl.backends.fine_timers import fine_timers
 from rigctl.backends.protocol import Backend
-from rigctl.backends.registry import address_with, create_backend
+from rigctl.backends.registry import addresses_with, create_backend
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock, ScaledClock, VirtualClock, real_clock
-from rigctl.errors import RigctlError
-from rigctl.rig import Rig
-from rigctl.runner.rig_lock import RigLock
+from rigctl.errors import RigctlError, require_known
+from rigctl.rig import DEVICES, Rig
+from rigctl.runner.rig_lock import BenchLock, RigLock
 
 #: backends that are not real benches and may run at any speed
 UNREAL = ("simulated", "replay", "emulated")
@@ -72,7 +72,7 @@ def bench_options(
     backend: str,
     rig: Rig,
     *,
-    port: str | None = None,
+    port: str | Mapping[str, str] | Sequence[str] | None = None,
     seed: int | None = None,
     recording: str | None = None,
     runs: Path | None = None,
@@ -80,13 +80,15 @@ def bench_options(
 ) -> dict[str, object]:
     """The options of a backend from those of a command line.
 
+    `port` may be a text or several: on a bench of several devices they have the form ``NAME=ADDRESS``.
+
     Raises
     ------
     RigctlError
         an option does not apply to this backend.
     """
     arguments: dict[str, object] = {
-        "port": port,
+        "port": _port(backend, rig, port),
         "seed": seed,
         "run": recording,
         "clear_trips": clear_trips or None,
@@ -98,6 +100,7 @@ def bench_options(
         "modbus": ("port",),
         "visa": ("port",),
         "opcua": ("port",),
+        DEVICES: ("port", "clear_trips"),
         "emulated": ("seed", "clear_trips"),
     }
     known = accepted.get(backend, tuple(arguments))
@@ -113,6 +116,32 @@ def bench_options(
     return {name: value for name, value in options.items() if value is not None}
 
 
+def _port(
+    backend: str, rig: Rig, given: str | Mapping[str, str] | Sequence[str] | None
+) -> str | dict[str, str] | None:
+    """The port of a bench, or the addresses by device of one that has several."""
+    if isinstance(given, Mapping):
+        return dict(given)
+    texts = [given] if isinstance(given, str) else list(given or ())
+    if not texts:
+        return None
+    if backend != DEVICES:
+        if len(texts) > 1:
+            raise RigctlError("the bench has one device", value=", ".join(texts), expected="one --port")
+        return texts[0]
+    addresses: dict[str, str] = {}
+    for text in texts:
+        name, equals, address = text.partition("=")
+        if not (equals and address):
+            example = f"--port {next(iter(rig.devices))}={text}"
+            raise RigctlError("which device is at this address?", value=text, expected=example)
+        require_known("device", [name], rig.devices)
+        if name in addresses:
+            raise RigctlError(f"two addresses for '{name}'", value=text, expected="one")
+        addresses[name] = address
+    return addresses
+
+
 @contextmanager
 def opened(rig: Rig, how: Access) -> Iterator[Backend]:
     """The open bench; closed again whatever happens before, during or after the run."""
@@ -126,33 +155,35 @@ def opened(rig: Rig, how: Access) -> Iterator[Backend]:
 
 
 @contextmanager
-def held(rig: Rig, purpose: str, how: Access) -> Iterator[RigLock | None]:
-    """The rig's lock, if one is needed."""
+def held(rig: Rig, purpose: str, how: Access) -> Iterator[BenchLock | None]:
+    """The lock of the bench, if one is needed."""
     if not how.exclusive:
         yield None
         return
-    with rig_lock(rig, purpose, how) as lock:
+    with bench_lock(rig, purpose, how) as lock:
         yield lock
 
 
-def rig_lock(rig: Rig, purpose: str, how: Access, *, at_any_cost: bool = False) -> RigLock:
-    """The lock of a bench, not yet taken: on its address, or on its name if it has none.
+def bench_lock(rig: Rig, purpose: str, how: Access, *, at_any_cost: bool = False) -> BenchLock:
+    """The lock of a bench, not yet taken: on each address, or on its name if it has none.
 
     Raises
     ------
     RigctlError
         an option is wrong, or no port is given.
     """
-    key = "" if (address := address_in(rig, how)) is None else address.key
-    return RigLock(rig.name, purpose, how.lock_folder, key=key, at_any_cost=at_any_cost)
+    keys = [address.key for address in addresses_in(rig, how).values()] or [""]
+    return BenchLock(
+        [RigLock(rig.name, purpose, how.lock_folder, key=key, at_any_cost=at_any_cost) for key in keys]
+    )
 
 
-def address_in(rig: Rig, how: Access) -> Address | None:
-    """The address of a real bench; None if it exists only in this process.
+def addresses_in(rig: Rig, how: Access) -> Mapping[str, Address]:
+    """The addresses of a real bench, by device; none if it exists only in this process.
 
     Raises
     ------
     RigctlError
-        as `rig_lock`.
+        as `bench_lock`.
     """
-    return address_with(rig, how.backend, how.options)
+    return addresses_with(rig, how.backend, how.options)

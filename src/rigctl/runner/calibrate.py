@@ -116,7 +116,7 @@ def take_points(
         for reading in samples:
             _sound(reading, report)
             if series.reference is not None:
-                series.take(reading.sample.values[column])
+                series.take(reading.sample.read.values[column])
                 question = series.question
                 continue
             try:

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Final
 
 from rigctl.plan.behaviour import Row
 from rigctl.plan.missing import Lack
+from rigctl.rig import Rig
 
 #: s, and sampling periods, by which the newest sample of a record that ends may be late
 _LATE: Final = 0.5
 _LATE_PERIODS: Final = 2.0
 
 
-class Completeness:
-    """The samples of one record so far.
+class _OfDevice:
+    """The readings of one device in the open record.
 
-    A bench that is asked for ``r`` samples a second owes ``r (t − t₀) + 1`` from its first sample at t₀ to
+    A device that is asked for ``r`` samples a second owes ``r (t − t₀) + 1`` from its first sample at t₀ to
     its newest at t, and those between that and the end of the record, unless they may still be on their way.
     Their times may jitter: only their number counts.
-
-    Parameters
-    ----------
-    channels: names and columns of the channels of the record.
-    rate: r, Hz.
     """
 
-    def __init__(self, channels: Mapping[str, int], rate: float) -> None:
+    def __init__(self, channels: Mapping[str, int], rate: float, named: str) -> None:
         self._columns = channels
         self._rate = rate
+        self._named = named
         self._first = self._newest = 0.0
         self._rows = 0
         self._without = dict.fromkeys(channels, 0)
@@ -50,11 +47,39 @@ class Completeness:
         seen_until = max(self._newest, now - _LATE - _LATE_PERIODS / self._rate)
         due = int((seen_until - self._first) * self._rate + 0.5) + 1 if self._rows else 0
         if due > self._rows:
-            found.append(Lack("samples", due - self._rows, due))
+            found.append(Lack(self._named, due - self._rows, due))
         found += [
             Lack(f"readings of {name}", count, self._rows) for name, count in self._without.items() if count
         ]
         return found
+
+
+class Completeness:
+    """The samples of one record so far, of each device of the bench by itself.
+
+    Parameters
+    ----------
+    rig: the bench.
+    channels: names of the channels of the record.
+    rate: Hz, of the record; a slow device owes fewer samples.
+    """
+
+    def __init__(self, rig: Rig, channels: Iterable[str], rate: float) -> None:
+        columns: dict[str, dict[str, int]] = {device: {} for device in rig.parts}
+        for name in channels:
+            columns[rig.device_of(name)][name] = rig.layout.columns.index(name)
+        self._devices = {
+            device: _OfDevice(own, rig.rate_of(device, rate), f"samples of {device}" if device else "samples")
+            for device, own in columns.items()
+        }
+
+    def add(self, row: Row, device: str, *, possible: bool) -> None:
+        """Count a sample of a device; `possible`: every channel has a value."""
+        self._devices[device].add(row, possible=possible)
+
+    def lacks(self, now: float) -> list[Lack]:
+        """Return what is missing at `now`, s: samples of each device, then the readings of each channel."""
+        return [lack for device in self._devices.values() for lack in device.lacks(now)]
 
 
 def worst(lacks: Collection[Lack]) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
@@ -267,6 +267,42 @@ class Standstill:
         return self.raised
 
 
+class _Group:
+    """The watches of one device's channels, which are checked at each of its readings and at no other."""
+
+    def __init__(self, rig: Rig, channels: Collection[str]) -> None:
+        columns = {name: index for index, name in enumerate(rig.layout.columns)}
+        limits = [watch for watch in _of_limits(rig, columns) if watch.channel in channels]
+        ranges = [watch for watch in _of_ranges(rig, columns) if watch.channel in channels]
+        self.rates = [watch for watch in limits if watch.window is not None]
+        self.values = [*ranges, *(watch for watch in limits if watch.window is None)]
+        self.bands = _narrowest(self.values)
+        self.noise = [one for one in _disturbances(rig, columns) if one.channel in channels]
+        self.still = [one for one in _standstills(rig, columns) if one.channel in channels]
+        self.returns = [Return(watch) for watch in limits if watch.action == "stop"]
+        self.busy = False
+
+    def check(self, row: tuple[float, ...], possible_readings: PossibleReadings) -> Sequence[Alarm]:
+        """Check a row, without the exceptions for cleanup after a trip."""
+        inside = all(low <= row[column] <= high for column, low, high in self.bands)
+        possible = row if inside else possible_readings.of(row)
+        noisy = [
+            alarm
+            for watch in self.noise
+            if (alarm := watch.update(row[0], possible[watch.column])) is not None
+        ]
+        if self.still:
+            noisy += [alarm for watch in self.still if (alarm := watch.update(possible)) is not None]
+        if inside and not self.busy:
+            rates = [alarm for watch in self.rates if (alarm := watch.take(row, row)) is not None]
+            return noisy + rates if rates else noisy
+        alarms = [
+            alarm for watch in (*self.values, *self.rates) if (alarm := watch.take(row, possible)) is not None
+        ]
+        self.busy = not all(watch.calm for watch in self.values)
+        return noisy + alarms
+
+
 class Interlocks:
     """Every watch of a rig. Rows are ``(time, record, *channels, *commands)``, SI, as read.
 
@@ -275,32 +311,34 @@ class Interlocks:
 
     def __init__(self, rig: Rig) -> None:
         columns = {name: index for index, name in enumerate(rig.layout.columns)}
+        self._rig = rig
         self._possible = PossibleReadings(rig)
         self._stale_after = rig.stale_after
-        limits = _of_limits(rig, columns)
-        self._rates = [watch for watch in limits if watch.window is not None]
-        self._values = [*_of_ranges(rig, columns), *(watch for watch in limits if watch.window is None)]
-        self._bands = _narrowest(self._values)
-        self._noise = _disturbances(rig, columns)
-        self._still = _standstills(rig, columns)
-        self._returns = [Return(watch) for watch in limits if watch.action == "stop"]
+        self._groups = {name: _Group(rig, part.channels.keys()) for name, part in rig.parts.items()}
         self._safe = [
             (columns[name], float(rig.safe_state.get(name, 0.0)))
             for name, actuator in rig.actuators.items()
             if actuator.by == "driven"
         ]
-        self._busy = False
         #: once a limit has stopped the run: the outputs that were on, with the sign of their deviation
         self._driving: dict[int, float] | None = None
         self._silent = False
+        self._heard: dict[str, float] = {}  # s, newest reading of each of several devices
+        self._limits: dict[str, float] = {}  # s, longest silence of each
+        self.silent_devices: set[str] = set()  #: of several, those whose silence has raised an alarm
 
-    def check(self, row: tuple[float, ...]) -> Sequence[Alarm]:
-        """The alarms that this row raises or clears; almost always none."""
-        alarms = self._check(row)
+    def check(self, row: tuple[float, ...], device: str = "") -> Sequence[Alarm]:
+        """The alarms that the reading of a device raises or clears; almost always none."""
+        group = self._groups[device]
+        self._silent = False
+        if device:
+            self._heard[device] = row[0]
+            self.silent_devices.discard(device)
+        alarms = group.check(row, self._possible)
         if self._driving is not None:
             # an output that was off may be switched on: a cooling pump may take longer than `_RETURN` to act
             driven = not self._driving.items().isdisjoint(self._driven(row).items())
-            returns = (one.update(row[0], row[one.watch.column], driven=driven) for one in self._returns)
+            returns = (one.update(row[0], row[one.watch.column], driven=driven) for one in group.returns)
             return [*alarms, *(alarm for alarm in returns if alarm is not None)]
         if any(alarm.active and alarm.action == "stop" for alarm in alarms):
             self._driving = self._driven(row)
@@ -314,35 +352,12 @@ class Interlocks:
             if row[column] != safe
         }
 
-    def _check(self, row: tuple[float, ...]) -> Sequence[Alarm]:
-        """Check a row, without the exceptions for cleanup after a trip."""
-        self._silent = False
-        inside = all(low <= row[column] <= high for column, low, high in self._bands)
-        possible = row if inside else self._possible.of(row)
-        noisy = [
-            alarm
-            for watch in self._noise
-            if (alarm := watch.update(row[0], possible[watch.column])) is not None
-        ]
-        if self._still:
-            noisy += [alarm for watch in self._still if (alarm := watch.update(possible)) is not None]
-        if inside and not self._busy:
-            rates = [alarm for watch in self._rates if (alarm := watch.take(row, row)) is not None]
-            return noisy + rates if rates else noisy
-        alarms = [
-            alarm
-            for watch in (*self._values, *self._rates)
-            if (alarm := watch.take(row, possible)) is not None
-        ]
-        self._busy = not all(watch.calm for watch in self._values)
-        return noisy + alarms
-
     def check_arming(self, rows: Sequence[tuple[float, ...]]) -> list[Alarm]:
         """The alarms that forbid arming: a sensor without a value in most of `rows`, and a limit with action
         stop that is exceeded in most of those with a value."""
         possible = [self._possible.of(row) for row in rows]
         alarms = []
-        for watch in self._values:
+        for watch in (watch for group in self._groups.values() for watch in group.values):
             column = watch.column
             read = [
                 watch.reading(row[column], ours[column]) for row, ours in zip(rows, possible, strict=True)
@@ -368,6 +383,29 @@ class Interlocks:
         self._silent = True
         message = f"no sample for {now - newest:.3g} s, expected one every {period:.3g} s"
         return Alarm(now, "stale", "", "stop", message, now - newest)
+
+    def check_devices(self, now: float, since: float, rate: float) -> tuple[str, Alarm | None]:
+        """One of several devices that has been silent for too long, with an alarm; once for each silence.
+
+        Parameters
+        ----------
+        now: s.
+        since: s, when sampling was started.
+        rate: of the bench, Hz; a slow device is read less often.
+        """
+        for device in self._rig.devices:
+            limit = self._rig.silence_limit(device, rate)
+            if limit < self._limits.get(device, 0.0):  # it is read more often from now on
+                self._heard[device] = now
+            self._limits[device] = limit
+            silence = now - self._heard.get(device, since)
+            if device in self.silent_devices or silence < limit - _SLACK:
+                continue
+            self.silent_devices.add(device)
+            expected = 1.0 / self._rig.rate_of(device, rate)
+            message = f"{device}: no reading for {silence:.3g} s, expected one every {expected:.3g} s"
+            return device, Alarm(now, f"{device} stale", "", "stop", message, silence)
+        return "", None
 
     def silence_limit(self, period: float) -> float:
         """Longest allowed time without a sample, s."""

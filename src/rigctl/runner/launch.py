@@ -29,7 +29,7 @@ from rigctl.runner.operators.control_thread import beside
 from rigctl.runner.operators.operator import Operator
 from rigctl.runner.operators.requests import RESPONSE, Control
 from rigctl.runner.remaining_plan import Resume
-from rigctl.runner.rig_lock import RigLock
+from rigctl.runner.rig_lock import BenchLock
 from rigctl.runner.session import Observer, RunResult, run
 
 #: backend options with which a run is resumed: which bench, and where it is, but not the simulated faults
@@ -98,7 +98,7 @@ def carry_out(
     plan: Plan,
     backend: Backend,
     writer: RunWriter,
-    lock: RigLock | None,
+    lock: BenchLock | None,
     how: Launch,
     resume_from: Resume | None = None,
 ) -> RunResult:
@@ -124,7 +124,7 @@ def carry_out(
 def _require_identity(plan: Plan, how: Launch) -> None:
     """Refuse to start on a bench without the facts that the procedure requires about device and person."""
     _, missing = settled(plan.procedure.identity, _identity(how))
-    if missing and (how.backend or plan.rig.backend.kind) not in ("simulated", "replay"):
+    if missing and (how.backend or plan.rig.kind) not in ("simulated", "replay"):
         named = " and the ".join(name.replace("_", " ") for name in missing)
         raise RigctlError(f"the procedure requires the {named}", where=plan.root.where)
 
@@ -161,6 +161,8 @@ def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
 
 def _plain(option: object) -> object:
     """An option in a form for JSON."""
+    if isinstance(option, Mapping):
+        return dict(option)
     return list(option) if isinstance(option, tuple) else option
 
 

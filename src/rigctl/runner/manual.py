@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rigctl.backends.protocol import Sample
+from rigctl.backends.protocol import Backend, Combined, Polled, Sample
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 from rigctl.plan import Plan
 from rigctl.procedure import expand, parse_procedure
@@ -32,13 +33,33 @@ OnSample = Callable[[Sample], None]
 
 
 @dataclass(frozen=True)
+class DeviceState:
+    """One of several devices, while the bench is monitored.
+
+    Parameters
+    ----------
+    identity: what is known of it: kind, address and what it says of itself.
+    own_clock: whether it dates its readings with a clock of its own, which is compared with this computer's.
+    answers_in: s, the shortest time that its queries for a sample have taken; NaN where it sends by itself.
+    age: s, of its newest reading; NaN before the first one.
+    """
+
+    identity: Mapping[str, str]
+    own_clock: bool
+    answers_in: float
+    age: float
+
+
+@dataclass(frozen=True)
 class Reading:
     """One sample of a bench that is only monitored, the alarms that it raised or cleared, and the messages of
-    the bench since the last one, such as a reply that the rig file does not expect."""
+    the bench since the last one, such as a reply that the rig file does not expect; and its devices where it
+    has several."""
 
     sample: Sample
     alarms: Sequence[Alarm]
     notices: Sequence[str] = ()
+    devices: Mapping[str, DeviceState] = field(default_factory=dict)
 
 
 class _Watched(Unrecorded):
@@ -46,13 +67,20 @@ class _Watched(Unrecorded):
 
     def __init__(self, rig: Rig, on_event: OnEvent, on_sample: OnSample) -> None:
         super().__init__(on_event)
-        self._channels = len(rig.layout.channels)
+        self._rig = rig
+        self._newest = [math.nan] * len(rig.layout.columns)
         self._on_sample = on_sample
 
     def append(self, row: Sequence[float]) -> None:
         """Show a sample; its row also has the number of the record, of which there is none."""
-        time, _, *values = row
-        self._on_sample(Sample(time, tuple(values[: self._channels]), tuple(values[self._channels :])))
+        columns, newest = self._rig.layout.columns, self._newest
+        for part in self._rig.parts.values():  # of several devices, a row is the reading of one
+            own = [columns.index(name) for name in part.channels]
+            if len(self._rig.parts) == 1 or any(row[column] == row[column] for column in own):
+                for column in own:
+                    newest[column] = row[column]
+        first = 2 + len(self._rig.layout.channels)
+        self._on_sample(Sample(row[0], tuple(newest[2:first]), tuple(row[first:])))
 
 
 def jog(
@@ -98,7 +126,7 @@ def needs_person(rig: Rig, actuator: str, duration: str | None, how: Access) -> 
     if known is None:
         return False
     if known.by == "operator":
-        return (how.backend or rig.backend.kind) not in UNREAL
+        return (how.backend or rig.kind) not in UNREAL
     return duration is None
 
 
@@ -114,27 +142,50 @@ def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
     with held(rig, "'rigctl monitor'", how) as lock, opened(rig, how) as backend, Signals() as signals:
         clock = backend.clock
         backend.start(rate)
-        newest = clock.now()
+        newest = began = clock.now()
+        read_at: dict[str, float] = {}  # s, time of each device's newest reading
         while not signals.count:
             if lock is not None:
                 lock.beat()
                 if lock.poll():
                     raise RigctlError("another program has taken the bench over", exit_code=ExitCode.FAILED)
             silence_limit = interlocks.silence_limit(1.0 / rate)
+            silence = None
             sample = backend.next_sample(min(_RESPONSE * clock.speed, silence_limit))
             if sample is None and clock.now() - newest >= silence_limit:  # this computer may have stood still
                 sample = backend.next_sample(0.0)
             if sample is not None:
-                newest = sample.time
-                row = (sample.time, -1.0, *sample.values, *sample.commands)
+                newest, read = sample.time, sample.read
+                row = (read.time, -1.0, *read.values, *read.commands)
                 notices = tuple(
                     one.message for one in backend.take_notices() if one.kind in ("fault", "note")
                 )
-                yield Reading(sample, interlocks.check(row), notices)
-                continue
-            silence = interlocks.check_silence(clock.now(), newest, 1.0 / rate)
+                read_at[sample.device] = read.time
+                states = _device_states(rig, backend, {name: newest - time for name, time in read_at.items()})
+                yield Reading(sample, interlocks.check(row, sample.device), notices, states)
+            elif not rig.devices:
+                silence = interlocks.check_silence(clock.now(), newest, 1.0 / rate)
+            if rig.devices:
+                # those that are still to be fetched are not counted as missing
+                _, silence = interlocks.check_devices(clock.now() if sample is None else newest, began, rate)
             if silence is not None:
                 raise RigctlError(silence.message, exit_code=ExitCode.FAILED)
+
+
+def _device_states(rig: Rig, backend: Backend, ages: Mapping[str, float]) -> dict[str, DeviceState]:
+    """The state of each of several devices; none of a bench that has one."""
+    if not isinstance(backend, Combined):
+        return {}
+    states = {}
+    for name, bench in backend.devices.items():
+        described, known = rig.devices[name], backend.identity
+        states[name] = DeviceState(
+            {key.removeprefix(f"{name}."): text for key, text in known.items() if key.startswith(f"{name}.")},
+            described.lines is None and described.kind in ("serial", "emulated"),
+            (isinstance(bench, Polled) and bench.sample_takes) or math.nan,
+            ages.get(name, math.nan),
+        )
+    return states
 
 
 def _plan_of_jog(rig: Rig, actuator: str, value: str, duration: str | None) -> Plan:

@@ -11,7 +11,7 @@ import os
 import platform
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
@@ -203,6 +203,67 @@ class RigLock:
         draft = self._path.with_suffix(".tmp")
         draft.write_text(json.dumps(asdict(owner)), encoding="utf-8", newline="\n")
         replace_file(draft, self._path, _PATIENCE)
+
+
+class BenchLock:
+    """The right to command a bench: the lock of each of its addresses, all of them or none.
+
+    Parameters
+    ----------
+    locks: one for each address.
+    """
+
+    def __init__(self, locks: Sequence[RigLock]) -> None:
+        self._locks = locks
+        self._held = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Take all of them.
+
+        Raises
+        ------
+        RigctlError
+            another program commands one of the devices; names it.
+        """
+        with ExitStack() as taken:
+            for lock in self._locks:
+                taken.enter_context(lock)
+            self._held = taken.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Release them; never raises."""
+        self._held.close()
+
+    def poll(self) -> Sequence[Order]:
+        """The order to end when another program has taken over the bench, or one of its devices."""
+        return [order for lock in self._locks for order in lock.poll()][:1]
+
+    def acknowledge(self, order: Order, message: str) -> None:
+        """Nothing to acknowledge."""
+
+    def publish(self, view: View) -> None:
+        """Beat when it is due."""
+        self.beat()
+
+    def beat(self) -> None:
+        """As `RigLock.beat`."""
+        for lock in self._locks:
+            lock.beat()
+
+    def close(self) -> None:
+        """Nothing to do: `__exit__` releases the locks."""
+
+    def take_for(self, run: Path) -> None:
+        """Publish the folder of the run, so that others can ask it to end."""
+        for lock in self._locks:
+            lock.take_for(run)
+
+    def owners(self) -> list[Owner | None]:
+        """The owner of each address; None if there is none."""
+        return [lock.owner() for lock in self._locks]
 
 
 def owners(rig: str, folder: Path | None = None) -> list[Owner]:

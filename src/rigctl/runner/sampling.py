@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import NoReturn
 
 from rigctl.backends.errors import BackendLost
-from rigctl.backends.protocol import Notice, Sample
+from rigctl.backends.protocol import Notice, Reading, Sample
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Row
 from rigctl.plan.outcomes import Ending, Lost, SamplesLost, Tripped
@@ -55,10 +55,11 @@ class Sampling:
         self._next_sample = bench.backend.next_sample
         self._interlocks = interlocks
         self._secure = secure
-        self.newest = bench.now  #: s, time of the newest sample
+        self.newest = self._began = bench.now  #: s, time of the newest sample
         self._awaited: _Awaited | None = None  # a lost bench whose record will be measured again
         self._reported = False  # whether it was reported that data cannot be stored
-        self._fault = ""  # fault reported by the bench since the newest sample
+        self._faults: dict[str, str] = {}  # faults reported by each device since its newest reading
+        self._several = bool(bench.rig.devices)
         self._possible = PossibleReadings(bench.rig)
         self.completeness: Completeness | None = None  #: of the open record
         self._counters = {
@@ -101,21 +102,34 @@ class Sampling:
             if awaited is not None and self._bench.now >= awaited.give_up:
                 self._end(Lost(f"{awaited.reason}; it did not come back within {RECONNECT:g} s"))
             return None
+        if awaited is not None and not self._all_back(sample):
+            if self._bench.now >= awaited.give_up:
+                self._end(Lost(f"{awaited.reason}; it did not come back within {RECONNECT:g} s"))
+            return None
         if awaited is not None:
             self._bench.reachable = True
             self._awaited = None
             self._take(sample)
             self._end(SamplesLost(awaited.reason))
-        return self._take(sample)
+        row = self._take(sample)
+        return None if self.awaiting else row
 
     def check_silence(self) -> None:
-        """Trip if no sample has come for too long."""
+        """Trip if no sample has come for too long, or none of one of several devices."""
+        self._check_silence(self._bench.now)
+
+    def _check_silence(self, now: float) -> None:
         bench = self._bench
-        alarm = self._interlocks.check_silence(bench.now, self.newest, 1.0 / bench.rate)
+        device = ""
+        if not self._several:
+            alarm = self._interlocks.check_silence(bench.now, self.newest, 1.0 / bench.rate)
+        else:
+            device, alarm = self._interlocks.check_devices(now, self._began, bench.rate)
         if alarm is None:
             return
-        if self._fault:
-            alarm = replace(alarm, message=f"{alarm.message}: {self._fault}")
+        if device in self._faults:
+            fault = self._faults[device].removeprefix(f"{device}: ")
+            alarm = replace(alarm, message=f"{alarm.message}: {fault}")
         if self.repeatable:
             self._bench.event("gap", alarm.message)
             self._bench.make_safe(alarm.message)
@@ -127,7 +141,7 @@ class Sampling:
         """Journal a sample of a run that has ended: it is kept, but has no consequences."""
         bench = self._bench
         try:
-            bench.writer.append(self._row(sample))
+            bench.writer.append(self._row(sample.read))
         except RigctlError as error:
             bench.trouble = bench.trouble or error
 
@@ -135,28 +149,40 @@ class Sampling:
         """Keep an event for observers of the run."""
         self.happenings.append(ShownEvent(time, kind, message))
 
-    def _row(self, sample: Sample) -> Row:
+    def _row(self, sample: Sample | Reading) -> Row:
         return (sample.time, self._bench.record_of(sample.time), *sample.values, *sample.commands)
 
+    def _all_back(self, sample: Sample) -> bool:
+        """Whether all of several devices are there again; otherwise the sample of another one is kept."""
+        if self._interlocks.silent_devices <= {sample.device}:
+            return True
+        self._interlocks.check(self._row(sample.read), sample.device)  # outputs are safe already
+        self.keep(sample)
+        self._collect()
+        return False
+
     def _take(self, sample: Sample) -> Row:
-        bench = self._bench
-        read = self._row(sample)
-        row = self._possible.of(read)  # what is impossible is stored as it was read, and is no value here
-        bench.newest = row
+        bench, device = self._bench, sample.device
+        read = self._row(sample.read)
+        taken = self._possible.of(read)  # what is impossible is stored as it was read, and is no value here
+        bench.newest = taken if not device else self._possible.of(self._row(sample))
+        bench.read_at[device] = read[0]
         self.newest = sample.time
-        self._fault = ""
+        self._faults.pop(device, None)
         self._keep(read)
-        if self.completeness is not None and row[1] >= 0.0:
-            self.completeness.add(row, possible=row is read)
+        if self.completeness is not None and taken[1] >= 0.0:
+            self.completeness.add(taken, device, possible=taken is read)
         if bench.history.wanted:
-            bench.history.add(row)
-        alarms = self._interlocks.check(read)
+            bench.history.add(taken, device)
+        alarms = self._interlocks.check(read, device)
         if alarms:
             self._sound(alarms)
         self._collect()
+        if self._several:
+            self._check_silence(sample.time)  # what is still to be fetched is not missing
         for name, column in self._counters.items():
-            self._count(name, row[column])
-        return row
+            self._count(name, bench.newest[column])
+        return bench.newest
 
     def _count(self, name: str, value: float) -> None:
         """Compare a device's clock or counter with its last value: one that starts again is a restart."""
@@ -195,7 +221,7 @@ class Sampling:
                 record = self._bench.record_of(notice.time)
                 self.warnings.append(RunWarning(notice.time, record, notice.message))
             if notice.kind == "fault":
-                self._fault = notice.message
+                self._faults[str(notice.fields.get("device", ""))] = notice.message
             if notice.kind == "gap":
                 self._gap(notice)
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigctl.backends.protocol import Backend, Polled
+from rigctl.backends.protocol import Backend, Combined, Polled
 from rigctl.dataset.history import read_history
 from rigctl.dataset.pass_fail import Judgement, judge
 from rigctl.dataset.run_json import read_info
@@ -284,13 +284,16 @@ class _Session:
         bench.start(bench.rig.monitor_rate)
         try:
             rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate)
-            while not rows:  # a bench that stays silent trips the interlock for silence
-                rows = driver.watch(1.0 / bench.rate)
+            # a bench, or one of its devices, that stays silent trips the interlock for silence
+            while bench.read_at.keys() < bench.rig.parts.keys():
+                rows = driver.watch(1.0 / bench.rate) or rows[-1:]
         except Tripped as tripped:
             tripped.reason = f"not armed: {tripped.reason}"
             raise
-        if isinstance(self._backend, Polled):
-            refuse_slow_answers(self._plan, self._backend.sample_takes)
+        devices = self._backend.devices if isinstance(self._backend, Combined) else {"": self._backend}
+        for name, device in devices.items():
+            if isinstance(device, Polled):
+                refuse_slow_answers(self._plan, device.sample_takes, name)
         first = len(bench.rig.layout.columns) - len(bench.rig.layout.commands)
         bench.commanded = dict(zip(bench.rig.layout.commands, rows[-1][first:], strict=True))
         alarms = self._interlocks.check_arming(rows)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
 
 from rigctl.backends.errors import BackendLost, BenchTripped, OutputsNotSafe
-from rigctl.backends.protocol import Backend
+from rigctl.backends.protocol import Backend, Sample
 from rigctl.dataset.catalogue import run_folders
 from rigctl.dataset.recording.writer_lock import read_state
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
-from rigctl.runner.bench_access import UNREAL, Access, address_in, opened, rig_lock
+from rigctl.runner.bench_access import UNREAL, Access, addresses_in, bench_lock, opened
 from rigctl.runner.operators.remote_control import send
 from rigctl.runner.operators.requests import Request
 from rigctl.runner.rig_lock import owners
@@ -74,7 +75,7 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
         else:
             safe |= {folder} if folder in holders and _made_safe(folder) else set()
         ended.append(f"{folder.name}: {answer}")
-    if (how.backend or rig.backend.kind) in UNREAL:
+    if (how.backend or rig.kind) in UNREAL:
         return _nothing_real(rig, how, folders, ended)
     by_run = SwitchedOff("; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended))
     if at_address is not None and at_address in safe:
@@ -90,13 +91,13 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
 
 def _nothing_real(rig: Rig, how: Access, folders: list[Path], ended: list[str]) -> SwitchedOff:
     """A bench that exists only in the process that uses it: it ends together with that process."""
-    with rig_lock(rig, "'rigctl off'", how, at_any_cost=True):
+    with bench_lock(rig, "'rigctl off'", how, at_any_cost=True):
         pass  # a program that moves or monitors it by hand loses it
     if not all(_made_safe(folder) for folder in folders):
         known_by = "a run has not said that its outputs are safe"
         done = f"OUTPUTS NOT CONFIRMED SAFE ({known_by})"
         return SwitchedOff("; ".join([*ended, done]), False, known_by, tuple(ended))
-    kind = how.backend or rig.backend.kind
+    kind = how.backend or rig.kind
     known_by = f"a {kind} bench lives in the process that uses it: no real one was touched"
     done = f"outputs are safe: {_safe_state(rig)} ({known_by})"
     return SwitchedOff("; ".join([*ended, done]), True, known_by, tuple(ended))
@@ -110,25 +111,30 @@ def _safe_state(rig: Rig) -> str:
 def _elsewhere(rig: Rig, how: Access) -> bool:
     """Whether the bench was named by another port than that of its rig file: runs on other ports continue."""
     port = how.options.get("port")
+    if isinstance(port, Mapping):
+        return any(address != rig.devices[name].port for name, address in port.items())
     return port is not None and port != rig.backend.port
 
 
 def _holders(rig: Rig, how: Access) -> tuple[Path | None, list[Path]]:
-    """The run at this address, and the runs with benches of its name, unless another port was given."""
+    """The run that has every address of the bench; and all runs that have one, or benches of its name unless
+    another port was given."""
     try:
-        owner = rig_lock(rig, "", how).owner()
+        at_addresses = bench_lock(rig, "", how).owners()
     except RigctlError:  # no port: a run was given one, and is found by the name of the bench
-        owner = None
-    found = [] if owner is None else [owner]
+        at_addresses = []
+    found = [owner for owner in at_addresses if owner is not None]
     if not _elsewhere(rig, how):
         found += owners(rig.name, how.lock_folder)
     runs = list(dict.fromkeys(Path(one.run) for one in found if one.run))
-    return Path(owner.run) if owner is not None and owner.run else None, runs
+    whole = {owner.run if owner is not None else "" for owner in at_addresses}
+    run = whole.pop() if len(whole) == 1 else ""
+    return Path(run) if run else None, runs
 
 
 def _in_progress(rig: Rig, how: Access) -> list[Path]:
     """Runs in progress on a bench of this name, from this project."""
-    address = address_in(rig, how) if _elsewhere(rig, how) else None
+    addresses = addresses_in(rig, how) if _elsewhere(rig, how) else {}
     folders = []
     for folder in reversed(run_folders(how.runs)):
         state = read_state(folder)
@@ -137,10 +143,13 @@ def _in_progress(rig: Rig, how: Access) -> list[Path]:
         with suppress(RigctlError):
             info = read_info(folder)
             rig_entry, backend = info.get("rig"), info.get("backend")
-            port = backend.get("port") if isinstance(backend, dict) else None
+            known = backend if isinstance(backend, dict) else {}
+            ports = {name: known.get(f"{name}.port" if name else "port") for name in addresses}
             if not (isinstance(rig_entry, dict) and rig_entry.get("name") == rig.name):
                 continue
-            if address is None or not isinstance(port, str) or address.same_place(port):
+            if not addresses or any(
+                not isinstance(port, str) or addresses[name].same_place(port) for name, port in ports.items()
+            ):
                 folders.append(folder)
     return folders
 
@@ -161,7 +170,7 @@ def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
     """Switch off; return a description, whether it is confirmed, and the source of the confirmation."""
     notices = ""
     confirmed, known_by = True, "the bench has answered each command"
-    with rig_lock(rig, "'rigctl off'", how, at_any_cost=True):
+    with bench_lock(rig, "'rigctl off'", how, at_any_cost=True):
         try:
             with opened(rig, how) as backend:
                 backend.safe()
@@ -199,7 +208,7 @@ def _known_by(rig: Rig, read: frozenset[str], answered: frozenset[str]) -> tuple
 
 
 def _read_back(rig: Rig, backend: Backend) -> frozenset[str]:
-    """Read the present outputs, as far as the bench reports them; none if no sample came.
+    """Read the present outputs, as far as the bench reports them; none of a device that gave no sample.
 
     Raises
     ------
@@ -207,9 +216,18 @@ def _read_back(rig: Rig, backend: Backend) -> frozenset[str]:
         one differs from its safe value.
     """
     backend.start(rig.monitor_rate)
-    sample = backend.next_sample(min(1.0, 2.0 / rig.monitor_rate))
-    if sample is None:
-        return frozenset()
+    read: set[str] = set()
+    give_up = backend.clock.now() + min(1.0, 2.0 / rig.monitor_rate)
+    while read < rig.parts.keys() and (left := give_up - backend.clock.now()) > 0.0:
+        sample = backend.next_sample(left)
+        if sample is not None:
+            _require_safe(rig, sample)
+            read.add(sample.device)
+    return frozenset(name for name in backend.outputs_read if rig.device_of(name) in read)
+
+
+def _require_safe(rig: Rig, sample: Sample) -> None:
+    """Refuse a sample with an output that differs from its safe value."""
     for name, value in zip(rig.layout.commands, sample.commands, strict=True):
         safe = rig.safe_state.get(name)
         if safe is not None and rig.actuators[name].by == "driven" and value != float(safe):
@@ -218,4 +236,3 @@ def _read_back(rig: Rig, backend: Backend) -> frozenset[str]:
                 hint="Switch the bench off by hand, at its supply",
                 exit_code=ExitCode.FAILED,
             )
-    return backend.outputs_read

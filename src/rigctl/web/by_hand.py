@@ -437,7 +437,7 @@ def _file(rig: Rig) -> tuple[Path | None, str]:
 def _is_real(rig: Rig) -> bool:
     from rigctl.runner.bench_access import UNREAL
 
-    return rig.backend.kind not in UNREAL
+    return rig.kind not in UNREAL
 
 
 def _about(rig: Rig) -> dict[str, Any]:
@@ -447,7 +447,7 @@ def _about(rig: Rig) -> dict[str, Any]:
     columns = columns_of(rig, rig.layout)
     for channel in columns["channels"]:
         channel["set_point"] = None  # outputs come as words
-    return {"run": rig.name, "procedure": "", "rig": "", "backend": {"kind": rig.backend.kind}, **columns}
+    return {"run": rig.name, "procedure": "", "rig": "", "backend": {"kind": rig.kind}, **columns}
 
 
 def _knobs(rig: Rig) -> list[dict[str, Any]]:

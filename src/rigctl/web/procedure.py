@@ -86,7 +86,7 @@ class Procedures:
         return {
             "errors": [],
             "plan": as_document(forecast, warnings),
-            "backend": plan.rig.backend.kind,
+            "backend": plan.rig.kind,
             "demands": settled(identity, {})[1],
         }
 

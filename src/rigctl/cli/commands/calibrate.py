@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigctl.cli.commands.manual import Backend, Port, RigFile, Speed
+from rigctl.cli.commands.manual import Backend, RigFile, Speed
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.port import PortOption
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import significant
 
@@ -51,7 +52,7 @@ def calibrate(
         str | None, typer.Option("--date", help="Date of the calibration; by default today.")
     ] = None,
     backend: Backend = None,
-    port: Port = None,
+    port: PortOption = None,
     speed: Speed = "1x",
     rate: Annotated[
         float | None, typer.Option(min=0.01, help="Sampling rate in Hz; by default that of the rig file.")
@@ -143,7 +144,7 @@ def _from_bench(
     rig: Rig,
     channel: str,
     backend: str | None,
-    port: str | None,
+    port: Sequence[str] | None,
     speed: str,
     rate: float | None,
     readings: int,

@@ -87,7 +87,7 @@ def _rig(path: Path) -> dict[str, Any]:
 
     rig = load_rig(path)
     check_family_of(rig)
-    kind = rig.backend.kind if "kind" in rig.backend.model_fields_set else None
+    kind = rig.stated_kind
     measures = kind is not None and kind not in UNREAL
     verb = "doctor" if measures else "import FILE"  # of a device, whether it answers
     return {

@@ -119,13 +119,14 @@ def doctor(
     port: Annotated[
         list[str] | None,
         typer.Option(
-            help="Port to open and query for its device; repeatable. A board may restart when it is opened."
+            help="Port to open and query for its device; repeatable. A board may restart when it is opened. "
+            "NAME=ADDRESS for one of several devices of --rig."
         ),
     ] = None,
     baud: Annotated[int, typer.Option(min=300, help="Baud rate for the ports that are opened.")] = 115200,
     rig: Annotated[
         Path | None,
-        typer.Option(help="Rig file whose device is read, all channels, at its port or at --port."),
+        typer.Option(help="Rig file whose devices are read, all channels, at their ports or at --port."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
@@ -163,9 +164,8 @@ def doctor(
         findings += [finding for finding, _ in replies]
         answers = [answer for _, answer in replies]
     else:
-        reports = [ask_rig(rig, url) for url in port or (None,)]
-        findings += [finding for group, _ in reports for finding in group]
-        answers = [answer for _, answer in reports]
+        found, answers = ask_rig(rig, port or ())
+        findings += found
     broken = any(finding.state == "broken" for finding in findings)
     if as_json:
         document = {

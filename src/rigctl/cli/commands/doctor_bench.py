@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -82,31 +82,65 @@ def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
     return _heard(url, device), {**document, **asdict(device)}
 
 
-def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]:
-    """Connect to the device of a rig file, read every channel once and report impossible values; set
-    nothing."""
+def ask_rig(path: Path, urls: Sequence[str]) -> tuple[list[Finding], list[dict[str, Any]]]:
+    """Connect to the device of a rig file, or to each of several; read every channel once and report
+    impossible values; set nothing.
+
+    Parameters
+    ----------
+    urls: other addresses than those of the file; with several devices ``NAME=ADDRESS``.
+    """
+    from rigctl.backends.registry import options_of_device
+    from rigctl.rig import DEVICES, load_rig
+    from rigctl.runner.bench_access import bench_options
+
+    rig = load_rig(path)
+    if not rig.devices:
+        reports = [_ask_device(path.name, rig, url) for url in urls or (None,)]
+    else:
+        options = bench_options(DEVICES, rig, port=urls)
+        reports = []
+        for name, part in rig.parts.items():
+            url = options_of_device(rig, name, options).get("port")
+            report = _ask_device(name, part, None if url is None else str(url))
+            reports.append((_of_device(name, report[0]), {"device": name, **report[1]}))
+    return (
+        [finding for findings, _ in reports for finding in findings],
+        [{"rig": path.as_posix(), **document} for _, document in reports],
+    )
+
+
+def _of_device(name: str, findings: Sequence[Finding]) -> list[Finding]:
+    """The findings on one of several devices, with its name before its address."""
+    return [
+        replace(one, detail=f"{name}: {one.detail}") if one.subject != name and index == 0 else one
+        for index, one in enumerate(findings)
+    ]
+
+
+def _ask_device(name: str, rig: Rig, url: str | None) -> tuple[list[Finding], dict[str, Any]]:
+    """Connect to one device, as `ask_rig`; `name` stands for it until its address is known."""
     from rigctl.backends.lines.reading import read_once
     from rigctl.backends.registry import address_of
     from rigctl.backends.transport.port import PortLost
     from rigctl.clock import real_clock
-    from rigctl.rig import load_rig
 
-    document: dict[str, Any] = {"rig": path.as_posix()}
+    document: dict[str, Any] = {}
     try:
-        rig = load_rig(path)
+        if rig.kind in ("simulated", "emulated"):
+            return [Finding(name, "ok", f"{rig.kind}: it exists only while it is used")], {"kind": rig.kind}
         address = address_of(rig, url)
         document |= {"port": address.url}
         if rig.lines is None:
-            raise RigctlError(
-                "this rig's board is queried through its port only", expected=f"--port {address.url}"
-            )
+            finding, answer = ask_port(address.url, address.settings["baud"])
+            return [finding], {**document, **answer}
         reading = read_once(rig, rig.lines, address, real_clock())
     except PortLost as error:
         fix = "is the address right, does the device have power, and does a firewall let it through?"
-        return [Finding(path.name, "broken", str(error), fix)], {**document, "error": str(error)}
+        return [Finding(name, "broken", str(error), fix)], {**document, "error": str(error)}
     except RigctlError as error:
-        return [Finding(path.name, "broken", str(error), error.hint or "")], {**document, "error": str(error)}
-    known = ", ".join(f"{name} {text}" for name, text in reading.identity.items())
+        return [Finding(name, "broken", str(error), error.hint or "")], {**document, "error": str(error)}
+    known = ", ".join(f"{key} {text}" for key, text in reading.identity.items())
     answers = f"answers in {1e3 * reading.round_trip:.1f} ms" if reading.round_trip >= 0.0 else "answers"
     findings = [Finding(address.url, "ok", f"{rig.name}: {answers}{', ' if known else ''}{known}")]
     findings += [Finding(address.url, "broken", trouble) for trouble in reading.troubles]

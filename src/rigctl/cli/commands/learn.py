@@ -14,6 +14,7 @@ from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.options.port import PortOption
 from rigctl.cli.options.procedure import ArgumentOption, RigOption
 from rigctl.cli.options.serve import ServeOption
 from rigctl.errors import ExitCode, RigctlError
@@ -75,7 +76,7 @@ def learn(
     backend: Annotated[
         str | None, typer.Option(help="Backend, as for 'rigctl run'; by default that of the rig file.")
     ] = None,
-    port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL.")] = None,
+    port: PortOption = None,
     rig: RigOption = None,
     arg: ArgumentOption = None,
     operator: Annotated[str | None, typer.Option(help="Person in charge; kept with each run.")] = None,

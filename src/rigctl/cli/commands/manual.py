@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -14,26 +15,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.port import PortOption
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
     from rigctl.backends.protocol import Sample
     from rigctl.rig import Rig
     from rigctl.runner.bench_access import Access
-    from rigctl.runner.manual import Reading
+    from rigctl.runner.manual import DeviceState, Reading
 
 _NO_ANSWER = 1.5  # s after which the operator is told what to do by hand
 
 RigFile = Annotated[Path | None, typer.Option(help="Rig file; by default the project's.", show_default=False)]
 Backend = Annotated[str | None, typer.Option(help="Backend; by default that of the rig file.")]
-Port = Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")]
 Speed = Annotated[str, typer.Option(help="Speed of a simulated, emulated or replayed bench: 1x, 10x or max.")]
 
 
 def off(
     rig: RigFile = None,
     backend: Backend = None,
-    port: Port = None,
+    port: PortOption = None,
     *,
     clear_trips: Annotated[
         bool, typer.Option("--clear-trips", help="Also clear latched trips; their cause must be gone.")
@@ -51,7 +52,7 @@ def off(
 
     say_guards()
     with _impatient():
-        bench = open_rig_at(port) if rig is None and port is not None else open_rig(rig)
+        bench = open_rig_at(port[0]) if rig is None and port else open_rig(rig)
         result = switch_off(bench, access_of(bench, backend, port, "1x", clear_trips=clear_trips))
     document = {
         "rig": bench.name,
@@ -94,7 +95,7 @@ def jog(
     ] = None,
     rig: RigFile = None,
     backend: Backend = None,
-    port: Port = None,
+    port: PortOption = None,
     speed: Speed = "1x",
     *,
     readings: Annotated[
@@ -138,7 +139,7 @@ def jog(
 def monitor(
     rig: RigFile = None,
     backend: Backend = None,
-    port: Port = None,
+    port: PortOption = None,
     rate: Annotated[
         float | None, typer.Option(min=0.01, help="Sampling rate in Hz; by default that of the rig file.")
     ] = None,
@@ -177,16 +178,35 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
 
     if not as_json and redrawable(sys.stdout):
         with MonitorDisplay(rig, sys.stdout) as display:
-            yield lambda reading: display(reading.sample, reading.alarms, reading.notices)
+            yield lambda reading: display(
+                reading.sample, reading.alarms, reading.notices, _device_lines(reading.devices)
+            )
         return
     line = _as_json if as_json else _as_line
+
+    introduced: set[str] = set()
 
     def show(reading: Reading) -> None:
         for notice in reading.notices:
             echo(notice, err=True)
+        if not introduced and not any(math.isnan(one.age) for one in reading.devices.values()):
+            introduced.update(reading.devices)
+            for text in _device_lines(reading.devices):
+                echo(text, err=True)
         echo(line(rig, reading))
 
     yield show
+
+
+def _device_lines(devices: Mapping[str, DeviceState]) -> list[str]:
+    """One line for each of several devices: who it is, how fast it answers, and whose clock dates it."""
+    lines = []
+    for name, one in devices.items():
+        known = ", ".join(text for text in one.identity.values() if text)
+        answers = "" if math.isnan(one.answers_in) else f"; a sample takes {1e3 * one.answers_in:.3g} ms"
+        clock = "its own clock" if one.own_clock else "this computer's clock"
+        lines.append(f"{name}: {known}{answers}; {clock}; read {1e3 * one.age:.0f} ms ago")
+    return lines
 
 
 def say_guards() -> None:
@@ -262,7 +282,7 @@ def open_rig_at(port: str) -> Rig:
 
 
 def access_of(
-    rig: Rig, backend: str | None, port: str | None, speed: str, *, clear_trips: bool = False
+    rig: Rig, backend: str | None, port: Sequence[str] | None, speed: str, *, clear_trips: bool = False
 ) -> Access:
     """The settings for operating a bench by hand, besides its rig file."""
     from rigctl.project import find_project
@@ -306,6 +326,15 @@ def _as_json(rig: Rig, reading: Reading) -> str:
         "commands": {name: rig.actuators[name].show(value) for name, value in commands.items()},
         "alarms": [alarm.message for alarm in reading.alarms if alarm.active],
     }
+    if reading.devices:
+        document["devices"] = {
+            name: {
+                "age": None if math.isnan(one.age) else one.age,
+                "sample_takes": None if math.isnan(one.answers_in) else one.answers_in,
+                "own_clock": one.own_clock,
+            }
+            for name, one in reading.devices.items()
+        }
     return to_json(document, indent=None)
 
 

@@ -8,12 +8,13 @@ import typer
 
 from rigctl.cli.echo import echo
 from rigctl.cli.options.family import FamilyOption
+from rigctl.cli.options.port import PortOption
 from rigctl.wording import number_of
 
 
 def resume(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
-    port: Annotated[str | None, typer.Option(help="Serial port, if not the same as before.")] = None,
+    port: PortOption = None,
     operator: Annotated[str | None, typer.Option(help="Person now in charge.")] = None,
     speed: Annotated[
         str | None, typer.Option(help="max, 1x or 10x; by default as before.", show_default=False)
@@ -44,7 +45,7 @@ def resume(
         clock_for(speed, "simulated")  # whether it is one at all, before the run is opened
     before = open_interrupted(find_run(run))
     header = before.history.header
-    kind = header.backend.get("kind", before.plan.rig.backend.kind)
+    kind = header.backend.get("kind", before.plan.rig.kind)
     given = bench_options(kind, before.plan.rig, port=port or header.options.get("port"), seed=header.seed)
     echo(f"{header.id}: {number_of(before.left, 'record')} left", err=True)
     how = Launch(

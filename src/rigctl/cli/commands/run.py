@@ -9,6 +9,7 @@ import typer
 
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.options.port import PortOption
 from rigctl.cli.options.procedure import ArgumentOption, RigOption
 from rigctl.cli.options.serve import ServeOption
 
@@ -25,7 +26,7 @@ def run(
             "the rig file."
         ),
     ] = None,
-    port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,
+    port: PortOption = None,
     rig: RigOption = None,
     arg: ArgumentOption = None,
     operator: Annotated[str | None, typer.Option(help="Person in charge; kept with the run.")] = None,

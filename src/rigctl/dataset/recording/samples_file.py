@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 NAME: Final = "samples.parquet"
 #: rows of a row group, so that one record of a long run can be read without the others
 GROUP_ROWS: Final = 1 << 17
+#: the kind of a bench whose devices are read independently of one another
+_SEVERAL: Final = "devices"
+#: s by which a reading may arrive after later ones of other devices
+_LATEST: Final = 60.0
 #: keys of the file's metadata: the last session in the file, and the damage by session
 _SESSION: Final = b"rigctl.session"
 _LOSSES: Final = b"rigctl.losses"
@@ -196,12 +200,29 @@ def _blocks(source: Journal, header: RunHeader, target: pa.Schema, offset: float
         raise RigctlError(
             "the journal belongs to another run", where=Location(source.path), exit_code=ExitCode.FAILED
         )
-    for rows in source.blocks(len(names), GROUP_ROWS):
+    blocks = source.blocks(len(names), GROUP_ROWS)
+    for rows in _in_order(blocks) if header.backend.get("kind") == _SEVERAL else blocks:
         columns: list[Any] = [rows[:, 0] + offset, rows[:, 1].astype(np.int32)]
         for index, name in enumerate(names[2:], start=2):
             unit, difference = parse_unit(layout.unit(name)), name in layout.differences
             columns.append((rows[:, index] - (0.0 if difference else unit.offset)) / unit.factor)
         yield pa.table(columns, schema=target)
+
+
+def _in_order(blocks: Iterator[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
+    """Yield the rows in order of time: of several devices, a slow one's reading arrives after later ones."""
+    import numpy as np
+
+    waiting: NDArray[np.float64] | None = None  # rows that those of the next block may precede
+    for block in blocks:
+        rows = block if waiting is None else np.concatenate([waiting, block])
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        ready = int(np.searchsorted(rows[:, 0], rows[-1, 0] - _LATEST)) if len(rows) else 0
+        if ready:
+            yield rows[:ready]
+        waiting = rows[ready:]
+    if waiting is not None and len(waiting):
+        yield waiting
 
 
 def _write(path: Path, target: pa.Schema, blocks: Iterator[pa.Table]) -> SampleFacts:

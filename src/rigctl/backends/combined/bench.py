@@ -1,0 +1,302 @@
+"""One bench of several devices: the newest value of every channel, and one ending for all outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, wait
+from time import monotonic
+
+from rigctl.backends.combined.device_thread import DeviceThread, Inbox, lost
+from rigctl.backends.combined.merging import Merging
+from rigctl.backends.commands import check_command
+from rigctl.backends.errors import BackendLost, OutputsNotSafe
+from rigctl.backends.protocol import Backend, CommandReceipt, Notice, PendingCommand, Regulator, Sample
+from rigctl.clock import Clock
+from rigctl.errors import RigctlError
+from rigctl.plan.loop import LoopSettings, LoopState
+from rigctl.rig import DEVICES, Rig
+
+#: s of wall time for all devices together to become safe, and to be closed
+_SAFE_WITHIN = 5.0
+#: s of wall time for a call that a device answers without being asked
+_AT_ONCE = 1.0
+#: s of wall time between two looks while something is opened: a signal is handled in between
+_LOOK = 0.2
+
+
+class CombinedBench:
+    """A `Backend` of several devices, each with its own rate, clock and latency.
+
+    Each device is used by a thread of its own alone. A sample is made of each reading of any device, with the
+    newest values of the others; `Sample.reading` says which is new, and when it was taken.
+
+    Parameters
+    ----------
+    rig: the whole bench.
+    clock: real.
+    benches: the bench of each device, by name, not yet open.
+    addresses: of those devices that have one.
+    """
+
+    timed = True  #: a device that cannot time a pulse has it ended by its thread
+
+    def __init__(
+        self, rig: Rig, clock: Clock, benches: Mapping[str, Backend], addresses: Mapping[str, str]
+    ) -> None:
+        self.clock = clock
+        self.devices = dict(benches)
+        self._rig = rig
+        self._addresses = addresses
+        self._inbox = Inbox()
+        self._merging = Merging(rig)
+        self._threads: dict[str, DeviceThread] = {}
+        self._regulating = ""  # the device of the newest loop
+        self._announced: set[str] = set()  # lost devices whose notices could be fetched
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """The kind and name of the bench, and the identity of each device: ``supply.kind``, …"""
+        known = {"kind": DEVICES, "name": self._rig.name}
+        for name, bench in self.devices.items():
+            facts = {key: value for key, value in bench.identity.items() if key != "name"}
+            if name in self._addresses:
+                facts = {"port": self._addresses[name]} | facts
+            known |= {f"{name}.{key}": value for key, value in facts.items()}
+        return known
+
+    @property
+    def without_host(self) -> str:
+        """What happens to the outputs of each device."""
+        return "; ".join(f"{name}: {bench.without_host}" for name, bench in self._driving().items())
+
+    @property
+    def outputs_read(self) -> frozenset[str]:
+        """Those of all devices."""
+        return frozenset().union(*(bench.outputs_read for bench in self.devices.values()))
+
+    @property
+    def outputs_answered(self) -> frozenset[str]:
+        """Those of all devices."""
+        return frozenset().union(*(bench.outputs_answered for bench in self.devices.values()))
+
+    # --- open and close -----------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Open all devices at once; if one fails, the others are made safe and closed again."""
+        self._called()
+        self._threads = {name: DeviceThread(name, bench, self._inbox) for name, bench in self.devices.items()}
+        opening = {name: thread.open() for name, thread in self._threads.items()}
+        try:
+            self._wait(opening.values(), math.inf)
+        except BaseException:
+            self.close()
+            raise
+        errors = _errors(opening)
+        if errors:
+            self.close()
+            raise self._unopened(errors)
+
+    def close(self) -> None:
+        """Close all devices at once."""
+        threads, self._threads = self._threads, {}
+        self._called()
+        self._wait([thread.close() for thread in threads.values()], _SAFE_WITHIN)
+
+    # --- samples ------------------------------------------------------------------------------------------
+
+    def start(self, rate: float) -> None:
+        """Read each device at `rate` Hz, or as fast as it can be read if that is slower."""
+        if not (math.isfinite(rate) and rate > 0.0):
+            raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '10 Hz'")
+        self._check_open()
+        self._merging.start(rate)
+
+        def start(name: str, bench: Backend) -> Callable[[], None]:
+            return lambda: bench.start(self._rig.rate_of(name, rate))
+
+        started = {
+            name: thread.call(start(name, thread.bench))
+            for name, thread in self._threads.items()
+            if name not in self._inbox.lost
+        }
+        self._wait(started.values(), _AT_ONCE)  # a device that is busy starts later
+        errors = _errors(started)
+        if errors:
+            raise _named(errors)
+
+    def next_sample(self, timeout: float) -> Sample | None:
+        """Return the bench as of the next reading of any device."""
+        self._check_open()
+        give_up = monotonic() + timeout / self.clock.speed
+        inbox = self._inbox
+        with inbox.arrived:
+            inbox.answered = False
+            while not inbox.samples:
+                left = give_up - monotonic()
+                if gone := inbox.lost.keys() - self._announced:
+                    self._announced |= gone  # raise at the next call: notices must be fetched first
+                    return None
+                if inbox.lost:
+                    device, why = next(iter(inbox.lost.items()))
+                    raise lost(device, why)
+                if inbox.answered or left <= 0.0:
+                    return None
+                inbox.arrived.wait(left)
+            device, sample = inbox.samples.pop(0)
+        return self._merging.sample(device, sample, self.clock.now())
+
+    def take_receipts(self) -> list[CommandReceipt]:
+        """Return the ends of pulses, and switches made by the devices themselves."""
+        with self._inbox.arrived:
+            taken, self._inbox.receipts = self._inbox.receipts, []
+        return taken
+
+    def take_notices(self) -> list[Notice]:
+        """Return the notices of all devices, each with the name of its device."""
+        with self._inbox.arrived:
+            taken, self._inbox.notices = self._inbox.notices, []
+        return taken
+
+    # --- commands -----------------------------------------------------------------------------------------
+
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
+        """Have the actuator's device send a command."""
+        self._check_open()
+        check_command(self._rig, actuator, value, duration)
+        device = self._rig.device_of(actuator)
+        if not device:  # the operator's
+            now = self.clock.now()
+            self._merging.by_hand(actuator, value, now)
+            return PendingCommand.answered(CommandReceipt(now, actuator, value))
+        bench = self.devices[device]
+        return self._send(actuator, value, lambda: bench.command(actuator, value, duration=duration))
+
+    def safe(self) -> None:
+        """Bring every output of every device to its safe state, all at once; one that is dead delays none."""
+        self._check_open()
+        making = {name: self._threads[name].call(bench.safe) for name, bench in self._driving().items()}
+        self._wait(making.values(), _SAFE_WITHIN)
+        silent = [name for name, future in making.items() if not future.done()]
+        errors = _errors(making) | {
+            name: OutputsNotSafe(f"no answer within {_SAFE_WITHIN:g} s", {}) for name in silent
+        }
+        if errors:
+            raise _doubts(errors, self._safe_besides(errors))
+
+    # --- closed loops -------------------------------------------------------------------------------------
+
+    def cannot_regulate(self, loop: LoopSettings) -> str:
+        """Return why no device can run a loop by itself; empty if one can."""
+        device = self._rig.device_of(loop.actuator)
+        bench: object = self.devices.get(device)
+        if not isinstance(bench, Regulator):
+            return f"the device of {loop.actuator} has no controller of its own"
+        if self._rig.device_of(loop.channel) != device:
+            return f"{loop.channel} and {loop.actuator} belong to different devices"
+        return bench.cannot_regulate(loop)
+
+    def regulate(self, loop: LoopSettings) -> PendingCommand:
+        """Start a loop on the device of its actuator."""
+        self._regulating = self._rig.device_of(loop.actuator)
+        bench = self._regulator()
+        return self._send(loop.actuator, loop.low, lambda: bench.regulate(loop))
+
+    def loop_state(self, ahead: float | None = None) -> LoopState:
+        """Return the state of the newest loop."""
+        if not self._regulating:
+            return LoopState(False, None)
+        bench = self._regulator()
+        return self._threads[self._regulating].call(lambda: bench.loop_state(ahead)).result(_AT_ONCE)
+
+    def stop_regulating(self, actuator: str) -> PendingCommand:
+        """End a loop, leaving its output unchanged."""
+        bench = self._regulator()
+        return self._send(actuator, 0.0, lambda: bench.stop_regulating(actuator))
+
+    # --- internal -----------------------------------------------------------------------------------------
+
+    def _regulator(self) -> Regulator:
+        bench: object = self.devices.get(self._regulating)
+        if not isinstance(bench, Regulator):
+            raise RuntimeError("a bench without a controller was asked for a loop")
+        return bench
+
+    def _send(self, actuator: str, value: float, command: Callable[[], PendingCommand]) -> PendingCommand:
+        self._check_open()
+        pending = PendingCommand(actuator, value, self._let_pass)
+        self._threads[self._rig.device_of(actuator)].send(command, pending)
+        return pending
+
+    def _let_pass(self) -> None:
+        """Let time pass until something has arrived."""
+        self._called()
+        with self._inbox.arrived:
+            if not self._inbox.answered:
+                self._inbox.arrived.wait(_LOOK)
+            self._inbox.answered = False
+
+    def _wait(self, futures: Iterable[Future[None]], limit: float) -> None:
+        """Wait for the results of devices, `limit` s of wall time at most; they are kept alive meanwhile."""
+        give_up = monotonic() + limit
+        while wait(futures, min(_LOOK, max(give_up - monotonic(), 0.0))).not_done:
+            self._called()
+            if monotonic() >= give_up:
+                return
+
+    def _unopened(self, errors: Mapping[str, BaseException]) -> BaseException:
+        """Return the error for devices that could not be opened; the others have been made safe."""
+        error, safe = _named(errors), ", ".join(sorted(self._safe_besides(errors)))
+        if isinstance(error, BackendLost) and safe:
+            error.what += f"; confirmed safe: {safe}"
+        return error
+
+    def _called(self) -> None:
+        self._inbox.called = monotonic()
+
+    def _check_open(self) -> None:
+        self._called()
+        if not self._threads:
+            raise BackendLost("the bench is not open")
+
+    def _driving(self) -> dict[str, Backend]:
+        """Return the devices with outputs."""
+        return {name: bench for name, bench in self.devices.items() if self._outputs(name)}
+
+    def _outputs(self, device: str) -> list[str]:
+        actuators = self._rig.parts[device].actuators
+        return [name for name, actuator in actuators.items() if actuator.by == "driven"]
+
+    def _safe_besides(self, others: Iterable[str]) -> frozenset[str]:
+        """Return the outputs of all devices except these."""
+        devices = self.devices.keys() - set(others)
+        return frozenset(name for device in devices for name in self._outputs(device))
+
+
+def _errors(futures: Mapping[str, Future[None]]) -> dict[str, BaseException]:
+    """Return the errors of the devices that have answered."""
+    return {
+        name: error
+        for name, future in futures.items()
+        if future.done() and (error := future.exception()) is not None
+    }
+
+
+def _named(errors: Mapping[str, BaseException]) -> BaseException:
+    """Return one error for those of several devices, with their names; a mistake comes before a loss."""
+    texts = {name: f"{name}: {error}" for name, error in errors.items()}
+    for name, error in errors.items():
+        if isinstance(error, RigctlError) and not isinstance(error, BackendLost):
+            error.what = f"{name}: {error.what}"
+        if not isinstance(error, BackendLost):
+            return error
+    return BackendLost("; ".join(texts.values()))
+
+
+def _doubts(errors: Mapping[str, BaseException], confirmed: frozenset[str]) -> OutputsNotSafe:
+    """Return the error for devices whose outputs may not be safe, while those of the others are."""
+    doubts = [error for error in errors.values() if isinstance(error, OutputsNotSafe)]
+    outputs = {name: value for error in doubts for name, value in error.outputs.items()}
+    seen = [error.unseen_since for error in doubts if error.unseen_since is not None]
+    text = "; ".join(f"{name}: {error}" for name, error in errors.items())
+    return OutputsNotSafe(text, outputs, min(seen, default=None), confirmed)

@@ -1,0 +1,83 @@
+"""Rig files with several devices: who belongs to which, and every mistake in that."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig, parse_rig
+
+GOOD = """\
+name: two
+devices:
+  daq: {kind: serial, port: /dev/ttyACM0, options: {inputs: [a]}}
+  supply: {kind: modbus, port: 10.0.0.7, modbus: {channels: {b: {table: input, address: 0}}}}
+channels:
+  a: {device: daq, unit: V, quantity: voltage}
+  b: {device: supply, unit: V, quantity: voltage}
+limits:
+  high: {channel: b, above: 5 V}
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (
+            "a: {device: daq, ",
+            "a: {",
+            "6:3: nothing says which device 'a' belongs to",
+        ),
+        ("device: supply", "device: suply", "unknown device, got 'suply'; did you mean 'supply'?"),
+        ("b: {device: supply", "b: {device: daq", "no channel and no actuator belongs to this device"),
+        ("/dev/ttyACM0", "10.0.0.7", "'daq' is at this address already"),
+        ("devices:", "backend: {kind: serial}\ndevices:", "one backend or several devices"),
+        ("kind: serial", "kind: replay", "3:15: kind: not a known value, got 'replay'"),
+        ("kind: serial, ", "", "3:8: the field 'kind' is missing"),
+        ("port: 10.0.0.7", "port: 10.0.0.7, lost: continue", "lost: a run cannot go on without a device yet"),
+        ("b: {table", "c: {table", "4:62: unknown channel, got 'c'"),
+        ("kind: modbus", "kind: opcua", "4:11: nothing says where its nodes are"),
+        ("address: 0", "address: 0, count: 1", "4:92: unknown field, got 'count'"),
+    ],
+)
+def test_mistakes_are_named_with_their_place(before: str, after: str, said: str) -> None:
+    assert before in GOOD
+    with pytest.raises(RigctlError) as caught:
+        parse_rig(GOOD.replace(before, after))
+    assert said in str(caught.value)
+
+
+def test_a_rig_with_one_device_names_none() -> None:
+    text = "name: one\nbackend: {kind: serial}\nchannels:\n  a: {device: daq, unit: V, quantity: voltage}\n"
+    with pytest.raises(RigctlError, match="the rig names no devices"):
+        parse_rig(text)
+
+
+def test_two_units_behind_one_gateway_are_two_devices() -> None:
+    unit = "{kind: modbus, port: 10.0.0.7, modbus: {unit: 2, channels: {a: {table: input, address: 0}}}}"
+    text = GOOD.replace("{kind: serial, port: /dev/ttyACM0, options: {inputs: [a]}}", unit)
+    assert list(parse_rig(text).parts) == ["daq", "supply"]
+
+
+def test_each_part_has_what_belongs_to_its_device() -> None:
+    rig = load_rig(shipped("rigs", "oil-circuit-devices.yaml"))
+    assert rig.kind == "devices"
+    parts = rig.parts
+    assert {name: tuple(part.channels) for name, part in parts.items()} == {
+        "controller": ("oil_temperature",),
+        "plant": ("supply_pressure",),
+        "meter": ("line_temperature",),
+    }
+    assert {name: tuple(part.safe_state) for name, part in parts.items()} == {
+        "controller": ("heater",),
+        "plant": ("relief_valve",),
+        "meter": ("cooler",),
+    }
+    assert [tuple(part.limits) for part in parts.values()] == [("oil_too_hot",), ("over_pressure",), ()]
+    assert parts["controller"].roles.heat is not None
+    assert parts["plant"].roles.heat is None
+    assert [rig.silence_limit(name, 20.0) for name in parts] == [1.0, 3.0, 1.0]
+    assert [rig.rate_of(name, 30.0) for name in parts] == [30.0, 10.0, 20.0]
+    one = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
+    assert one.parts == {"": one}
