@@ -16,7 +16,8 @@ Comments directly before a block change what is done with it:
 - ``<!-- figures vary, of twelve records -->``: and the shipped campaign, which a new project holds, is cut to
   twelve of its records before the commands of the page read it;
 - ``<!-- killed in record N -->``: its command is killed as soon as that record is open;
-- ``<!-- server: RIG -->``: the device of that rig file is served, at the address that the file names.
+- ``<!-- server: RIG -->``: the device of that rig file, or each of its devices, is served, at the address
+  that the file names.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -104,7 +105,7 @@ class PageRun:
         self._home = home.resolve()
         self._here = self._home / start
         self._names: dict[str, Any] = {}
-        self._served: tuple[str, str] | None = None  # an address of the page, and where it really is
+        self._served: dict[str, str] = {}  # the addresses of the page, and where they really are
 
     def carry_out(self, block: Block) -> None:
         """Execute the block, and compare its output with what the page shows."""
@@ -126,22 +127,33 @@ class PageRun:
             self._python(block)
 
     def _with_server(self, block: Block) -> None:
+        from patience import unhurried
         from protocol_servers import SERVERS
         from rigctl.rig import load_rig
+        from several_devices import served_devices
 
         rig = load_rig(self._here / block.note.removeprefix("server:").strip())
-        with SERVERS[rig.backend.kind](rig) as server:
-            self._served = (str(rig.backend.port), server.port)
+        with ExitStack() as stack:
+            if rig.devices:
+                stack.enter_context(unhurried())  # three servers in this process are slow together
+                served = stack.enter_context(served_devices(rig))
+                circuit, ports = served.circuit, served.addresses
+                self._served = {str(rig.devices[name].port): port for name, port in ports.items()}
+            else:
+                server = stack.enter_context(SERVERS[rig.backend.kind](rig))
+                circuit, self._served = server.circuit, {str(rig.backend.port): server.port}
             for step in steps(block):
                 self._step(step, block)
-            assert server.circuit.off, f"line {block.line}: an output is still on"
-        self._served = None
+            assert circuit.off, f"line {block.line}: an output is still on"
+        self._served = {}
 
     def _step(self, step: Step, block: Block) -> None:
         printed, told, code = "", "", 0
         both = step.command.endswith("2>&1")
         for shown in step.command.removesuffix("2>&1").split(" && "):
-            command = shown if self._served is None else shown.replace(*self._served)
+            command = shown
+            for written, real in self._served.items():
+                command = command.replace(written, real)
             program, *arguments = shlex.split(command)
             if program == "cd":
                 self._here = (self._here / arguments[0]).resolve()
@@ -202,7 +214,9 @@ class PageRun:
 
     def _at_home(self, printed: str) -> str:
         printed = printed.replace(str(self._home), HOME).replace("\\", "/")
-        return printed if self._served is None else printed.replace(*self._served[::-1])
+        for written, real in self._served.items():
+            printed = printed.replace(real, written)
+        return printed
 
 
 def _open_record(project: Path) -> int:

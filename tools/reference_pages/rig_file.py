@@ -19,7 +19,7 @@ from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.protocols.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.protocols.modbus import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
 from rigctl.rig.protocols.opcua import HeartbeatNode, IdentityNode, OpcUa, ReadNode, WrittenNode
-from rigctl.rig.rig import Backend, Rig
+from rigctl.rig.rig import Backend, Device, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
 from rigctl.rig.simulation import Simulation
 
@@ -53,9 +53,15 @@ An OPC UA server, without encryption and as an anonymous user, with its nodes.
 [How to connect an OPC UA server](../how-to/connect-an-opc-ua-server.md) explains it.
 """
 
+_DEVICES = """\
+One of several devices of a bench, in place of `backend`, with the same fields: `lines`, `modbus` and `opcua` are
+those below `backend`. [How to use several devices](../how-to/use-several-devices.md) explains it.
+"""
+
 #: heading, location in the file, model, and the text before its table
 _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("backend", Backend, ""),
+    ("devices.NAME", Device, _DEVICES),
     ("backend.lines", Lines, _LINES),
     ("An exchange: identify, confirm, and each of begin and safe", Exchange, ""),
     ("Each of queries", Query, ""),

@@ -190,20 +190,35 @@ def _length(run: RunData) -> float:
     return float(run.time[-1] - run.time[0]) if len(run.time) else 0.0
 
 
+def _identities(backend: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The bench, without a name, and each of its devices where it has several: kind, then what is known."""
+    parts: dict[str, dict[str, str]] = {"": {}}
+    for key, value in backend.items():
+        device, _, name = key.rpartition(".")
+        parts.setdefault(device, {})[name] = str(value)
+    found = []
+    for device, facts in parts.items():
+        known = (
+            f"{key.replace('_', ' ')} {value}" for key, value in facts.items() if key not in ("kind", "seed")
+        )
+        words = (facts.get("kind", ""), ", ".join(known))
+        found.append((device, " · ".join(word for word in words if word)))
+    return found
+
+
 def _facts(run: RunData) -> list[tuple[str, str]]:
     info = run.info
     backend = _part(info, "backend")
     arguments = ", ".join(f"{name} = {value}" for name, value in _part(info, "arguments").items())
-    identity = ", ".join(
-        f"{name.replace('_', ' ')} {value}" for name, value in backend.items() if name not in ("kind", "seed")
-    )
+    whole, *devices = _identities(backend)
     seed = info.get("seed")
     sessions = len(info.get("sessions") or ())
     return [
         ("Procedure", str(_part(info, "procedure").get("name", ""))),
         ("Arguments", arguments),
         ("Rig", str(_part(info, "rig").get("name", ""))),
-        ("Bench", " · ".join(part for part in (str(backend.get("kind", "")), identity) if part)),
+        ("Bench", whole[1]),
+        *((f"Device {name}", identity) for name, identity in devices),
         ("Test", _test(info)),
         ("Serial number", str(_part(info, "device").get("serial_number", ""))),
         ("Part", str(_part(info, "device").get("part", ""))),
