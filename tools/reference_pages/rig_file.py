@@ -54,8 +54,8 @@ An OPC UA server, without encryption and as an anonymous user, with its nodes.
 """
 
 _DEVICES = """\
-One of several devices of a bench, in place of `backend`, with the same fields: `lines`, `modbus` and `opcua` are
-those below `backend`. [How to use several devices](../how-to/use-several-devices.md) explains it.
+One of several devices of a bench, in place of `backend`, with the same fields: `lines`, `modbus` and `opcua`
+are those below `backend`. [How to use several devices](../how-to/use-several-devices.md) explains it.
 """
 
 #: heading, location in the file, model, and the text before its table

@@ -205,7 +205,7 @@ FIELDS: Final[Mapping[str, Field]] = {
     "backend": Field(
         _by_name(_text),
         "identity of the bench: `kind`, `name` and more; for a simulated one `plant` with its hidden "
-        "effects, `seed`, `noise`, `faults`; of several devices `NAME.kind`, `NAME.port` and so on, for each; "
+        "effects, `seed`, `noise`, `faults`; of several devices `NAME.kind`, `NAME.port` and more of each; "
         "for an import `kind`, `file`, `sha256` of each file, and `imported`, the time of import",
         (Column("backend", "VARCHAR", "kind"),),
     ),

@@ -198,10 +198,9 @@ def _identities(backend: Mapping[str, Any]) -> list[tuple[str, str]]:
         parts.setdefault(device, {})[name] = str(value)
     found = []
     for device, facts in parts.items():
-        known = (
-            f"{key.replace('_', ' ')} {value}" for key, value in facts.items() if key not in ("kind", "seed")
-        )
-        words = (facts.get("kind", ""), ", ".join(known))
+        known = [key for key in facts if key not in ("kind", "seed")]
+        identity = ", ".join(f"{key.replace('_', ' ')} {facts[key]}" for key in known)
+        words = (facts.get("kind", ""), identity)
         found.append((device, " · ".join(word for word in words if word)))
     return found
 
