@@ -130,12 +130,15 @@ class PageRun:
         from patience import unhurried
         from protocol_servers import SERVERS
         from rigctl.rig import load_rig
-        from several_devices import served_devices
+        from several_devices import patient_devices, served_devices
 
-        rig = load_rig(self._here / block.note.removeprefix("server:").strip())
+        path = self._here / block.note.removeprefix("server:").strip()
+        rig = load_rig(path)
         with ExitStack() as stack:
-            if rig.devices:
-                stack.enter_context(unhurried())  # three servers in this process are slow together
+            if rig.devices:  # three servers in this process are slow together
+                stack.enter_context(unhurried())
+                path.write_text(patient_devices(rig.text), encoding="utf-8", newline="\n")
+                stack.callback(path.write_text, rig.text, encoding="utf-8", newline="\n")
                 served = stack.enter_context(served_devices(rig))
                 circuit, ports = served.circuit, served.addresses
                 self._served = {str(rig.devices[name].port): port for name, port in ports.items()}

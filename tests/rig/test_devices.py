@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+from commands import call
+from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig, parse_rig
@@ -81,3 +86,21 @@ def test_each_part_has_what_belongs_to_its_device() -> None:
     assert [rig.rate_of(name, 30.0) for name in parts] == [30.0, 10.0, 20.0]
     one = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
     assert one.parts == {"": one}
+
+
+@pytest.mark.parametrize("command", ["simulate", "run"])
+def test_one_plant_stands_for_all_devices(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Samples are those of one device, also on the emulated board's plant: whole rows at one time."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    options = ("--backend", "simulated", "--speed", "max") if command == "run" else ()
+    done = call(command, str(shipped("procedures", "oil-circuit-devices.yaml")), *options)
+    assert done.exit_code == 0, done.output
+    record = open_run("latest").record(0)
+    assert all(np.isfinite(values).all() for values in record.channels.values())
+    assert np.diff(record.time) == pytest.approx(0.05)
+    rig = str(shipped("rigs", "oil-circuit-devices.yaml"))
+    shown = call("monitor", "--rig", rig, "--backend", "simulated", "--speed", "max", "--count", "3")
+    assert shown.exit_code == 0, shown.output

@@ -192,6 +192,11 @@ class Rig(Part):
         """The rig of each device by name; of a bench with one device the rig itself, without a name."""
         return {name: _part(self, name) for name in self.devices} or {"": self}
 
+    @property
+    def undivided(self) -> Rig:
+        """The same bench as one device, as the simulated bench is."""
+        return self.model_copy(update={"devices": {}}) if self.devices else self
+
     def device_of(self, name: str) -> str:
         """Return the device of a channel or actuator; empty with one device, or for the operator."""
         part: Channel | Actuator | None = self.channels.get(name) or self.actuators.get(name)

@@ -138,8 +138,9 @@ def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
     RigctlError
         the bench cannot be reached, or has gone silent.
     """
-    interlocks = Interlocks(rig)
     with held(rig, "'rigctl monitor'", how) as lock, opened(rig, how) as backend, Signals() as signals:
+        rig = rig if isinstance(backend, Combined) else rig.undivided
+        interlocks = Interlocks(rig)
         clock = backend.clock
         backend.start(rate)
         newest = began = clock.now()

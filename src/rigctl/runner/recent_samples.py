@@ -11,6 +11,7 @@ from rigctl.plan import Leaf, Plan, all_nodes
 from rigctl.plan.behaviour import Row
 from rigctl.plan.missing import Lack
 from rigctl.plan.statistics import DURATION, Statistic, Stretch
+from rigctl.rig import Rig
 from rigctl.steps.measure import Measure
 
 #: old samples are dropped when this many more than needed have accumulated
@@ -125,14 +126,15 @@ class History:
         return self._record_start if self._record_start is not None else self._phase_start
 
 
-def history_for(plan: Plan, columns: Mapping[str, int]) -> History:
+def history_for(plan: Plan, rig: Rig) -> History:
     """A history that keeps only what the plan's measures name."""
-    signals: dict[str, dict[str, int]] = {device: {} for device in plan.rig.parts}
+    columns = {name: index for index, name in enumerate(rig.layout.columns)}
+    signals: dict[str, dict[str, int]] = {device: {} for device in rig.parts}
     any_device = next(iter(signals))  # commands that the operator carries out belong to none
     window = 0.0
     for measure in _measures(plan):
         for statistic in measure.statistics:
-            device = plan.rig.device_of(statistic.channel) or any_device
+            device = rig.device_of(statistic.channel) or any_device
             signals[device][statistic.channel] = columns[statistic.channel]
         window = max(window, measure.window or 0.0)
     return History(signals, window)

@@ -127,16 +127,16 @@ class _Session:
         self, plan: Plan, backend: Backend, writer: Recorder, operator: Operator, resume: Resume | None
     ) -> None:
         self._plan = plan
+        rig = plan.rig if isinstance(backend, Combined) else plan.rig.undivided
         self._backend = backend
         self._writer = writer
         self._resume = resume or Resume(frozenset())
-        columns = {name: index for index, name in enumerate(plan.rig.layout.columns)}
-        self._bench = Bench(plan.rig, backend, writer, operator, history_for(plan, columns))
+        self._bench = Bench(rig, backend, writer, operator, history_for(plan, rig))
         self._bench.missed += self._resume.missed
         for name, (value, unit, difference) in self._resume.values.items():
             self._bench.keep(name, value, unit, difference=difference)
         self._lifecycle = Lifecycle(self._state_changed)
-        self._interlocks = Interlocks(plan.rig)
+        self._interlocks = Interlocks(rig)
         self._sampling = Sampling(self._bench, self._interlocks, self._secure)
         self._progress = progress_of(plan)
         self._progress.records_done = len(self._resume.completed)
