@@ -467,9 +467,9 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
             f"{', '.join(without)}: without a 'range' a broken wire or a garbled number counts as a reading: "
             "it says what the sensor can measure, e.g. range: [-40 degC, 150 degC]"
         )
-    for part in rig.parts.values():
-        yield from _without_watchdog(part)
-        yield from _read_back(part)
+    for name, part in rig.parts.items():
+        for warning in (*_without_watchdog(part), *_read_back(part)):
+            yield f"{name}: {warning}" if name else warning
     yield from _exact(rig)
 
 
