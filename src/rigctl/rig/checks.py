@@ -109,7 +109,8 @@ def _members(rig: Rig) -> Iterator[Problem]:
             if part.device is not None:
                 yield from _known(rig.devices, "device", part.device, (section, name, "device"))
             elif not (isinstance(part, Actuator) and part.by == "operator"):
-                example = f"'device: {next(iter(rig.devices))}', say"
+                first, *_ = rig.devices
+                example = f"'device: {first}', say"
                 error = RigctlError(f"nothing says which device '{name}' belongs to", expected=example)
                 yield Problem((section, name), error, of_key=True)
 

@@ -133,7 +133,8 @@ def _port(
     for text in texts:
         name, equals, address = text.partition("=")
         if not (equals and address):
-            example = f"--port {next(iter(rig.devices))}={text}"
+            first, *_ = rig.devices
+            example = f"--port {first}={text}"
             raise RigctlError("which device is at this address?", value=text, expected=example)
         require_known("device", [name], rig.devices)
         if name in addresses:

@@ -130,7 +130,7 @@ def history_for(plan: Plan, rig: Rig) -> History:
     """A history that keeps only what the plan's measures name."""
     columns = {name: index for index, name in enumerate(rig.layout.columns)}
     signals: dict[str, dict[str, int]] = {device: {} for device in rig.parts}
-    any_device = next(iter(signals))  # commands that the operator carries out belong to none
+    any_device, *_ = signals  # commands that the operator carries out belong to none
     window = 0.0
     for measure in _measures(plan):
         for statistic in measure.statistics:

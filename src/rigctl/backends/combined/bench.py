@@ -143,8 +143,7 @@ class CombinedBench:
                 if gone := inbox.lost.keys() - self._announced:
                     self._announced |= gone  # raise at the next call: notices must be fetched first
                     return None
-                if inbox.lost:
-                    device, why = next(iter(inbox.lost.items()))
+                for device, why in inbox.lost.items():
                     raise lost(device, why)
                 if inbox.answered or left <= 0.0:
                     return None
