@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -202,10 +202,3 @@ def levels_text(levels: Mapping[str, float], rig: Rig) -> str:
     return (
         "{" + ", ".join(f"{name}: {rig.actuators[name].show(value)}" for name, value in levels.items()) + "}"
     )
-
-
-def same_commands(one: Sequence[Step], other: Sequence[Step]) -> bool:
-    """Whether two records have the same steps in the same order, however long each takes."""
-    return [(step.verb, tuple(step.levels)) for step in one] == [
-        (step.verb, tuple(step.levels)) for step in other
-    ]
