@@ -239,4 +239,6 @@ def _plain(text: str, *, vary: bool) -> str:
     if vary:
         text = re.sub(r"\d+(?:[.:]\d+)*", "0", text)
         text = re.sub(r"\b0 (\w+)s\b", r"0 \1", text)  # one spike, or three spikes
+        # in which channels it finds more depends on how many records there are
+        text = re.sub(r"^(  free model) .*$", r"\1", text, flags=re.MULTILINE)
     return "\n".join(re.sub(r"  +", "  ", line).rstrip() for line in text.strip().splitlines()) + "\n"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from rigctl.analysis.agreement.achievable_error import AchievableError, achievable_errors
 from rigctl.analysis.agreement.adequacy import Adequacy
 from rigctl.analysis.agreement.localisation import CellMap, Place
 from rigctl.analysis.agreement.located_error import LocatedError
@@ -159,6 +160,21 @@ class ModelComparison:
     def undetermined(self) -> tuple[Undetermined, ...]:
         """Its parameters of which the data determine only combinations."""
         return undetermined(self.fit)
+
+    @cached_property
+    def achievable(self) -> tuple[AchievableError, ...]:
+        """The error of each channel beside that which a free correction reaches; none for a table."""
+        return achievable_errors(self.fit)
+
+    @property
+    def beaten(self) -> tuple[AchievableError, ...]:
+        """The channels in which a free correction predicts more than chance does."""
+        return tuple(one for one in self.achievable if one.beats)
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether a free correction beats a model that passes every test."""
+        return self.adequacy.verdict is True and bool(self.beaten)
 
     @property
     def curve_bands(self) -> tuple[CurveBand, ...]:

@@ -311,6 +311,11 @@ class Diagnosis:
         return tuple(one for one in self.evidence if not one.stated)
 
     @property
+    def contradicted(self) -> bool:
+        """Whether nothing is said to be missing, and a free correction beats the model all the same."""
+        return self.verdict is Verdict.ADEQUATE and self.before.contradicted
+
+    @property
     def instead_of_sensors(self) -> tuple[str, ...]:
         """The effects that may explain what the errors of sensors explain too."""
         exact = self.with_exact_sensors

@@ -29,13 +29,14 @@ from rigctl.answers.blocks import (
 )
 from rigctl.answers.decided_by import decisions
 from rigctl.answers.errors import error_text, fit_text, held_out_text, in_brief, noise_known_from, pattern_of
+from rigctl.answers.free_model import contradiction, free_model_bars, free_model_text
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.numbers import resolved
 from rigctl.answers.systematic_error import falls, left_of
 from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure
 from rigctl.physics.family import ModelFamily
-from rigctl.units import significant
+from rigctl.units import parse_unit, significant
 from rigctl.wording import chance, number_of
 
 _TONES: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
@@ -72,15 +73,16 @@ def comparison_answer(comparison: Comparison) -> Answer:
     models, last = comparison.models, comparison.models[-1]
     verdict = last.adequacy.verdict
     facts = [("beside", model.statement) for model in models[:-1]]
-    facts += [("fit", fit_text(last)), ("error", _error(models))]
+    facts += [("fit", fit_text(last)), ("error", _error(models)), ("free model", free_model_text(last))]
     if verdict is False:
         facts += [("mostly at", _most(last)), ("lacks", "" if last.bounded else _wanted(last))]
     held_out = ("held out", held_out_text([model.fit for model in models]))
     facts.insert(len(models) + 1 if len(models) > 1 else len(facts), held_out)
     facts.append(("decided by", "; or ".join(decisions(last.decided_by))))
+    agrees = None if last.contradicted else verdict
     return Answer(
-        _TONES[verdict],
-        _TITLES[verdict],
+        _TONES[agrees],
+        _TITLES[agrees],
         last.statement,
         nonempty(facts),
         (*(f"{model.name}: {one}" for model in models[:-1] for one in model.first), *last.first),
@@ -116,14 +118,18 @@ def verdict(model: ModelComparison) -> list[Block]:
     """What has to be known first, the statement, and where it leaves what it was made for."""
     return [
         *(Sentence(text, "warn", main=True) for text in model.first),
-        Sentence(model.statement, _TONES[model.adequacy.verdict], main=True),
+        Sentence(model.statement, _TONES[None if model.contradicted else model.adequacy.verdict], main=True),
         *_warnings(model),
         *findings(model),
     ]
 
 
 def _warnings(model: ModelComparison) -> list[Block]:
-    return [*departures(model.outside), *(Sentence(band.statement) for band in model.curve_bands)]
+    return [
+        *contradiction(model),
+        *departures(model.outside),
+        *(Sentence(band.statement) for band in model.curve_bands),
+    ]
 
 
 def departures(outside: Sequence[Departure]) -> list[Block]:
@@ -160,6 +166,7 @@ def _numbers_of(model: ModelComparison, caption: str) -> list[Block]:
     return [
         *(replace(one, caption=caption) if isinstance(one, Table) else one for one in tables),
         *([] if model.rows else [Points.of(caption, in_brief(model))]),
+        *free_model_bars(model, caption),
     ]
 
 
@@ -224,6 +231,7 @@ def _channels(model: ModelComparison) -> Table:
         *((Column("heldout_rmse", "held out", significant),) if held else ()),
         Column("bias", "bias", _signed_two),
         Column("max", "largest", _signed_three),
+        Column("free", "free model", significant),
         Column("noise", "noise"),
         Column("unit", "unit", words=True, unit=True),
         Column("nrmse", "RMSE/noise", _fixed_three),
@@ -233,7 +241,11 @@ def _channels(model: ModelComparison) -> Table:
         Column("masked", "spikes masked"),
     )
     titles = model.fit.problem.measurements.titles
-    return Table(columns, tuple(_channel(titles.get(name, name), one) for name, one in channels.items()))
+    free = {one.channel: one.free / parse_unit(one.unit).factor for one in model.achievable}
+    rows = (
+        {**_channel(titles.get(name, name), one), "free": free.get(name)} for name, one in channels.items()
+    )
+    return Table(columns, tuple(rows))
 
 
 def _channel(title: str, one: dict[str, Any]) -> dict[str, Any]:

@@ -37,6 +37,7 @@ from rigctl.answers.errors import error_text, fit_text, in_brief, pattern_of
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import certain, points, sentence, would_be_missing
 from rigctl.answers.laws import law_text
+from rigctl.answers.free_model import contradiction, free_model_text
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.reasons import remainder_text
 from rigctl.answers.sensor_errors import explanation
@@ -69,6 +70,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
         facts = [
             ("fit", fit_text(diagnosis.before)),
             ("error", error_text(falls([diagnosis.before.fit], [left_of(diagnosis.before)]))),
+            ("free model", free_model_text(diagnosis.before)),
         ]
     else:
         facts = [
@@ -84,7 +86,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     facts.append(("its law", laws[0] if laws else ""))
     facts.append(("decided by", "; or ".join(decisions(diagnosis.decided_by))))
     facts.append(("sensors", _sensors(diagnosis)))
-    unsure = diagnosis.doubt or diagnosis.if_exact or diagnosis.with_exact_sensors is not None
+    unsure = diagnosis.contradicted or diagnosis.doubt or diagnosis.if_exact or diagnosis.with_exact_sensors is not None
     return Answer(
         "open" if unsure else _TONES[diagnosis.verdict],
         _title(diagnosis),
@@ -92,6 +94,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
         nonempty(facts),
         diagnosis.first,
         remarks=(
+            *(contradiction(diagnosis.before) if diagnosis.contradicted else ()),
             *departures(diagnosis.outside),
             *findings(diagnosis.before, MOST_FINDINGS),
             *_next_steps(diagnosis, _MOST_STEPS),
@@ -134,7 +137,7 @@ def _headed(diagnosis: Diagnosis) -> bool:
 def whole_diagnosis(diagnosis: Diagnosis) -> tuple[Block, ...]:
     """The verdict in full, the data, and the evidence."""
     before = diagnosis.before
-    tone = "open" if diagnosis.doubt else _TONES[diagnosis.verdict]
+    tone = "open" if diagnosis.contradicted or diagnosis.doubt else _TONES[diagnosis.verdict]
     return (
         *(Sentence(text, "warn", main=True) for text in diagnosis.first),
         Sentence(statement(diagnosis), tone, _title(diagnosis) if _headed(diagnosis) else "", main=True),

@@ -50,6 +50,8 @@ def comparison_document(model: ModelComparison) -> dict[str, Any]:
         "bounds": [one.document() for one in model.bounds],
         "undetermined": [one.document() for one in model.undetermined],
         "uncertainty_budget": [one.document() for one in uncertainty_budgets(model.fit)],
+        "achievable": [one.document() for one in model.achievable],
+        "contradicted": model.contradicted,
         "where": [place.document() for place in model.where],
         "trends": [trend.document() for trend in model.trends],
         "slots": [slot.document() for slot in model.slots],
@@ -82,6 +84,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "bounds": [one.document() for one in diagnosis.bounds],
         "undetermined": [one.document() for one in diagnosis.before.undetermined],
         "uncertainty_budget": [one.document() for one in diagnosis.budgets],
+        "contradicted": diagnosis.contradicted,
         "explained_by": diagnosis.before.explained_by if not diagnosis.effects else None,
         **documents(diagnosis.sensors),
         "with_exact_sensors": None
