@@ -36,8 +36,8 @@ from rigctl.answers.decided_by import decisions
 from rigctl.answers.errors import error_text, fit_text, in_brief, pattern_of
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import certain, points, sentence, would_be_missing
-from rigctl.answers.laws import law_text
 from rigctl.answers.free_model import contradiction, free_model_text
+from rigctl.answers.laws import law_text
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.reasons import remainder_text
 from rigctl.answers.sensor_errors import explanation
@@ -86,7 +86,12 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     facts.append(("its law", laws[0] if laws else ""))
     facts.append(("decided by", "; or ".join(decisions(diagnosis.decided_by))))
     facts.append(("sensors", _sensors(diagnosis)))
-    unsure = diagnosis.contradicted or diagnosis.doubt or diagnosis.if_exact or diagnosis.with_exact_sensors is not None
+    unsure = (
+        diagnosis.contradicted
+        or diagnosis.doubt
+        or diagnosis.if_exact
+        or diagnosis.with_exact_sensors is not None
+    )
     return Answer(
         "open" if unsure else _TONES[diagnosis.verdict],
         _title(diagnosis),
