@@ -23,16 +23,20 @@ Complex = NDArray[np.complex128]
 
 #: squared difference from one period to the next, as a share of the variance, up to which a signal repeats
 _SAME: Final = 0.02
-#: the same up to which a period is tried, and how many are
-_NEAR, _TRIED = 0.6, 40
+#: the same up to which a lag is tried, how many are, and the difference up to which a sample may be the same
+_NEAR, _TRIED, _NEARLY = 0.6, 40, 0.3
+#: most samples by which the length of a period is refined
+_REFINED: Final = 5000
 #: fewest samples of a period, and share of the record that its periods have to fill
 _FEWEST, _FILLED = 8, 0.5
 #: with at least so many periods the first is left out, in which the response settles
 _SETTLING: Final = 3
 #: lines weaker than this share of the strongest amplitude are not fitted; rows that are needed for an unknown
 _WEAK, _ROWS = 1e-3, 1.2
-#: most lines that are fitted, the strongest; and lines whose integrals are computed at once
-_MOST_LINES, _AT_ONCE = 400, 256
+#: most lines that are fitted, the strongest; and difference of times, in periods, up to which they are alike
+_MOST_LINES, _ALIKE = 400, 1e-7
+#: share by which the diagonal of the equations is raised, so that missing samples leave them solvable
+_RIDGE: Final = 1e-12
 #: share of half the sampling rate up to which lines are fitted
 _BELOW_NYQUIST: Final = 0.95
 
@@ -52,6 +56,9 @@ def find_periods(signals: Signals) -> Periods | None:
     even = np.arange(signals.times[0], signals.times[-1] + 0.5 * step, step)
     values = _normal(signals, even)
     for lag in _lags(values):
+        apart = ((values[lag:] - values[:-lag]) ** 2).mean(axis=1)
+        if np.mean(apart < _NEARLY) < _FILLED / 2.0:
+            continue  # the rest takes longer, and most lags are none
         length = _exact(signals, lag * step, even)
         first, last = _repeating(signals, even, length)
         # whole periods, counted from the end: what comes before them is settling
@@ -103,6 +110,7 @@ def _exact(signals: Signals, near: float, times: Floats) -> float:
             return float(np.median(apart[same]))
     tried = near + signals.interval * np.linspace(-1.0, 1.0, 81)
     inside = times[times < times[-1] - tried[-1]]
+    inside = inside[:: max(inside.size // _REFINED, 1)]
     here = signals.input_values(0, inside)
     squares = [float(((signals.input_values(0, inside + one) - here) ** 2).sum()) for one in tried]
     return float(tried[int(np.argmin(squares))])
@@ -115,8 +123,7 @@ def _repeating(signals: Signals, even: Floats, length: float) -> tuple[float, fl
     here, later = np.split(_normal(signals, np.concatenate([begins, begins + length])), 2)
     apart = ((later - here) ** 2).sum(axis=1) / here.shape[1]
     # a jump belongs to one interval or the next: single samples may differ by any amount
-    window = np.ones(max(round(length / signals.interval / 8.0), 3))
-    means = np.convolve(apart, window, "same") / np.convolve(np.ones(apart.size), window, "same")
+    means = _running_means(apart, max(round(length / signals.interval / 16.0), 1))
     same = np.concatenate(([False], (means < 4.0 * _SAME) | (apart < _SAME), [False]))
     edges = np.flatnonzero(np.diff(same.astype(int)))
     best, most = (0.0, 0.0), 0.0
@@ -125,6 +132,14 @@ def _repeating(signals: Signals, even: Floats, length: float) -> tuple[float, fl
         if energy > most:
             best, most = (float(begins[first]), float(begins[beyond - 1]) + length), energy
     return best
+
+
+def _running_means(values: Floats, beside: int) -> Floats:
+    """(n) the mean of each value and of so many on both sides."""
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    at = np.arange(values.size)
+    first, beyond = np.maximum(at - beside, 0), np.minimum(at + beside + 1, values.size)
+    return np.asarray((total[beyond] - total[first]) / (beyond - first))
 
 
 @dataclass(frozen=True)
@@ -139,71 +154,77 @@ class Lines:
 def period_lines(signals: Sequence[Signals], periods: Sequence[Periods]) -> Lines:
     """The lines at the multiples of 1/period that the inputs contain, in every period of all records."""
     length = float(np.mean([one.length for one in periods]))
-    nyquist = 0.5 / max(one.interval for one in signals)
-    count = max(int(_BELOW_NYQUIST * nyquist * length), 1)
-    frequencies = np.arange(1, count + 1) / length
-    inputs = [
-        [_of_input(one, k, start, length, frequencies) for k in range(len(one.inputs))]
-        for one, each in zip(signals, periods, strict=True)
-        for start in each.starts
-    ]
-    amplitudes = np.stack([np.stack(one, axis=-1) for one in inputs])
-    energy = (np.abs(amplitudes) ** 2).sum(axis=0)
-    kept = (energy >= _WEAK**2 * energy.max(axis=0)).any(axis=1)
-    rows = min(int(length / one.interval) for one in signals)
-    most = min(int(rows / (2.0 * _ROWS)) - 1, _MOST_LINES)
-    if kept.sum() > most:
-        strongest = np.argsort(-energy.max(axis=1))[: max(most, 1)]
-        kept = kept & np.isin(np.arange(count), strongest)
-    chosen = frequencies[kept]
-    outputs = [
-        _fitted(one.times, one.outputs, start, length, chosen)
-        for one, each in zip(signals, periods, strict=True)
-        for start in each.starts
-    ]
+    chosen = _excited(signals, periods, length)
+    every = [(one, start) for one, each in zip(signals, periods, strict=True) for start in each.starts]
+    solver = _Solver(length, chosen)
+    outputs = [solver.fitted(one.times, one.outputs, start) for one, start in every]
     known = [k for k, one in enumerate(outputs) if one is not None]
-    responses = [one for one in outputs if one is not None]
-    shape = (0, chosen.size, signals[0].outputs.shape[1])
-    return Lines(
-        chosen, amplitudes[known][:, kept], np.stack(responses) if responses else np.empty(shape, complex)
-    )
+    inputs = [
+        np.stack([_of_input(one, k, start, solver) for k in range(len(one.inputs))], axis=-1)
+        for one, start in (every[k] for k in known)
+    ]
+    if not known:
+        empty = np.empty((0, chosen.size, 1), dtype=np.complex128)
+        return Lines(chosen, empty, empty)
+    return Lines(chosen, np.stack(inputs), np.stack([one for one in outputs if one is not None]))
 
 
-def _of_input(signals: Signals, index: int, start: float, length: float, frequencies: Floats) -> Complex:
+def _excited(signals: Sequence[Signals], periods: Sequence[Periods], length: float) -> Floats:
+    """The frequencies that the inputs contain in a period of each record, of too many the strongest."""
+    nyquist = 0.5 / max(one.interval for one in signals)
+    rows = min(int(length / one.interval) for one in signals)
+    count = max(int(_BELOW_NYQUIST * nyquist * length), 1)
+    energy = np.zeros((count, len(signals[0].inputs)))
+    for one, each in zip(signals, periods, strict=True):
+        times = each.starts[-1] + length * (np.arange(rows) + 0.5) / rows
+        values = np.column_stack([one.input_values(k, times) for k in range(len(one.inputs))])
+        energy += np.abs(np.fft.rfft(values, axis=0)[1 : count + 1]) ** 2
+    kept = np.flatnonzero((energy >= _WEAK**2 * energy.max(axis=0)).any(axis=1))
+    most = max(min(int(rows / (2.0 * _ROWS)) - 1, _MOST_LINES), 1)
+    if kept.size > most:
+        kept = np.sort(kept[np.argsort(-energy[kept].max(axis=1))[:most]])
+    return np.asarray((kept + 1.0) / length, dtype=np.float64)
+
+
+class _Solver:
+    """Fits lines to the samples of a period; periods that are sampled alike share the equations."""
+
+    def __init__(self, length: float, frequencies: Floats) -> None:
+        self.length, self.frequencies = length, frequencies
+        self._since: Floats = np.empty(0)
+        self._solve: Floats = np.empty((0, 0))
+
+    def fitted(self, times: Floats, values: Floats, start: float) -> Complex | None:
+        """(lines, m) amplitudes of samples (n, m) in one period; None if too many are missing."""
+        inside = (times >= start) & (times < start + self.length) & np.isfinite(values).all(axis=1)
+        since = times[inside] - start
+        count = self.frequencies.size
+        if since.size < 2 * count + 2:
+            return None
+        if since.size != self._since.size or not np.allclose(since, self._since, 0.0, _ALIKE * self.length):
+            self._since, self._solve = since, self._equations(since)
+        found = self._solve @ values[inside]
+        return np.asarray(found[:count] + 1j * found[count : 2 * count])
+
+    def _equations(self, since: Floats) -> Floats:
+        """(unknowns, n) what makes amplitudes of samples."""
+        angle = 2.0 * np.pi * np.outer(since, self.frequencies)
+        ones = np.ones((since.size, 1))
+        design = np.hstack([np.cos(angle), -np.sin(angle), ones, since[:, None] / self.length])
+        # nearly orthogonal columns: the normal equations are well conditioned, and faster for many lines
+        equations = design.T @ design
+        equations[np.diag_indices_from(equations)] *= 1.0 + _RIDGE
+        return np.asarray(np.linalg.solve(equations, design.T))
+
+
+def _of_input(signals: Signals, index: int, start: float, solver: _Solver) -> Complex:
     """(lines) amplitudes of one input in one period."""
-    values = signals.inputs[index]
+    values, frequencies = signals.inputs[index], solver.frequencies
     if not isinstance(values, Held):
-        found = _fitted(signals.times, values[:, None], start, length, frequencies[: _most(signals, length)])
-        amplitudes = np.zeros(frequencies.size, dtype=np.complex128)
-        if found is not None:
-            amplitudes[: found.shape[0]] = found[:, 0]
-        return amplitudes
-    edges, levels = values.between(start, start + length)
+        found = solver.fitted(signals.times, values[:, None], start)
+        return np.zeros(frequencies.size, dtype=np.complex128) if found is None else found[:, 0]
+    edges, levels = values.between(start, start + solver.length)
     steps = np.diff(levels, append=levels[0])
     # integrated by parts: each step of the command contributes at its own time, the last at the end
-    sums = [
-        np.exp(-2j * np.pi * np.outer(some, edges[1:] - start)) @ steps
-        for some in np.array_split(frequencies, max(frequencies.size // _AT_ONCE, 1))
-    ]
-    return np.asarray(np.concatenate(sums) / (1j * np.pi * frequencies * length))
-
-
-def _most(signals: Signals, length: float) -> int:
-    return max(min(int(length / signals.interval / (2.0 * _ROWS)) - 1, _MOST_LINES), 1)
-
-
-def _fitted(
-    times: Floats, values: Floats, start: float, length: float, frequencies: Floats
-) -> Complex | None:
-    """(lines, m) amplitudes of samples in one period; None if too many are missing."""
-    inside = (times >= start) & (times < start + length) & np.isfinite(values).all(axis=1)
-    since = times[inside] - start
-    if since.size < 2 * frequencies.size + 2:
-        return None
-    angle = 2.0 * np.pi * np.outer(since, frequencies)
-    design = np.hstack([np.cos(angle), -np.sin(angle), np.ones((since.size, 1)), since[:, None] / length])
-    # nearly orthogonal columns: the normal equations are well conditioned, and much faster for many lines
-    gram = design.T @ design
-    found = np.linalg.lstsq(gram, design.T @ values[inside], rcond=1e-12)[0]
-    count = frequencies.size
-    return np.asarray(found[:count] + 1j * found[count : 2 * count])
+    turned = np.exp(-2j * np.pi * np.outer(frequencies, edges[1:] - start))
+    return np.asarray((turned @ steps) / (1j * np.pi * frequencies * solver.length))
