@@ -9,13 +9,15 @@ import sys
 import sysconfig
 from pathlib import Path
 
-#: the installed command
-RIGCTL = shutil.which("rigctl", path=sysconfig.get_path("scripts")) or "rigctl"
+from systems import own_state
+
+_INSTALLED = shutil.which("rigctl", path=sysconfig.get_path("scripts"))
+#: the installed command; on Windows it may be a module only
+RIGCTL = [sys.executable, "-m", "rigctl"] if os.name == "nt" and not _INSTALLED else [_INSTALLED or "rigctl"]
 
 
 def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """A command that runs beside the test; its locks and guards are in the folder."""
-    state = str(folder / "state")
     return subprocess.Popen(
         [sys.executable, "-m", "rigctl", *arguments],
         cwd=folder,
@@ -23,7 +25,7 @@ def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "XDG_STATE_HOME": state, "XDG_DATA_HOME": state, "LOCALAPPDATA": state},
+        env={**os.environ, **own_state(folder / "state")},
     )
 
 

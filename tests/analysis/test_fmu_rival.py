@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -27,6 +26,7 @@ from rigctl.model import load_model
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fmu import export_fmu
 from rigctl.model.fmu.export import _compiled
+from systems import needs_signals
 
 STEPS = """\
 procedure: eight
@@ -207,7 +207,7 @@ def test_an_fmu_that_never_returns_is_stopped_at_its_timeout(
     assert list(temporary.iterdir()) == []
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is a signal of POSIX")
+@needs_signals
 def test_ctrl_c_ends_a_comparison_with_an_fmu_that_never_returns(project: Path) -> None:
     hanging(project, b"s->time = at;")
     words = ["compare", "latest", "-m", "models/right.yaml", "--rival", "hanging.fmu"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import socket
-import sys
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from rigctl.clock import ScaledClock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
+from systems import needs_posix
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_the_units_behind_one_gateway_are_different_devices() -> None:
     assert address_of(rig, "/dev/ttyUSB7").key == address_of(second, "/dev/ttyUSB7").key, "the line itself"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="links to devices")
+@needs_posix("links to devices")
 def test_a_link_to_a_serial_port_is_that_port(tmp_path: Path) -> None:
     port, link = tmp_path / "ttyACM0", tmp_path / "by-id"
     port.touch()

@@ -27,6 +27,7 @@ from rigctl.clock import ScaledClock, real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
+from systems import needs_posix
 from tclab_board import Served
 
 SHIPPED = load_rig(shipped("rigs", "tclab-board.yaml"))
@@ -118,7 +119,7 @@ def test_a_killed_host_leaves_the_heaters_off(board: Served, tmp_path: Path) -> 
         wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs SIGSTOP")
+@needs_posix("a process that can be stopped (SIGSTOP)")
 def test_a_suspended_host_finds_the_heaters_off_and_is_informed(board: Served, tmp_path: Path) -> None:
     with heating_host(board, tmp_path) as host:
         host.send_signal(signal.SIGSTOP)
@@ -245,7 +246,7 @@ def test_a_guard_that_was_suspended_with_its_computer_makes_outputs_safe_before_
     assert port.data == [b"on", b"off", b"asked"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+@needs_posix("a pseudo-terminal")
 def test_two_hosts_cannot_open_the_same_pseudo_terminal() -> None:
     with (
         Served(pty=True) as board,

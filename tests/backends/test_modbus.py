@@ -32,6 +32,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig, parse_rig
 from rigctl.rig.protocols.modbus import Modbus
+from systems import needs_posix
 
 RIG = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
 PATIENT = parse_rig(patient(RIG.text))
@@ -166,7 +167,7 @@ def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path:
     assert "nobody is there" in doctor(rig, server.port)["error"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+@needs_posix("a pseudo-terminal")
 def test_a_controller_is_read_and_switched_by_rtu_on_a_serial_line() -> None:
     with unhurried(), RtuServer(RIG) as server:
         rig = parse_rig(
@@ -213,7 +214,7 @@ def answer_with_addresses(request: bytes) -> bytes:
     return frame + crc(frame)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+@needs_posix("a pseudo-terminal")
 @pytest.mark.parametrize("waiting", [True, False])
 def test_a_late_answer_by_rtu_is_not_taken_as_that_of_other_registers(waiting: bool) -> None:
     """It contains no address, and arrives while the client still waits for it, or afterwards."""

@@ -19,6 +19,7 @@ from rigctl.backends.transport.port import Port, PortLost
 from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.backends.transport.safe_state_retries import Notice, SafeStateRetries, retrying_guards, take_over
 from rigctl.clock import VirtualClock
+from systems import needs_posix
 from tclab_board import MemoryPort, Sketch
 
 URL = "/dev/ttyACM0"
@@ -137,7 +138,7 @@ def test_the_report_of_a_trying_guard_has_its_duration_and_number_of_attempts(fo
     assert re.search(r"has tried for \d+ s, 7 times, to make outputs safe on /dev/ttyACM0$", said())
 
 
-@pytest.mark.skipif(os.name != "posix", reason="there nobody can ask for a process without ending it")
+@needs_posix("a process id that can be asked for by a signal")
 def test_a_guard_without_a_process_has_stopped_trying(folder: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as gone:
         gone.wait()

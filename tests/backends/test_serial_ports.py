@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +15,7 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.backends.transport.pyserial_port import PyserialPort
 from rigctl.clock import VirtualClock, real_clock
 from rigctl.errors import RigctlError
+from systems import needs_posix
 from tclab_board import VERSION, MemoryPort, Sketch
 
 
@@ -54,7 +54,7 @@ def test_usb_ports_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [port.usb for port in found] == ["2341:0043", "1A86:7523", ""]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="groups")
+@needs_posix("groups of users that may open ports")
 @pytest.mark.parametrize(
     ("members", "mode", "fix"),
     [

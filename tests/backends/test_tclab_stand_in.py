@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from types import SimpleNamespace
 
 import pytest
 
+from systems import needs_posix
 from tclab_board import VERSION, Served
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+@needs_posix("a pseudo-terminal")
 def test_the_python_client_of_the_board_works_with_the_stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     import tclab.tclab as client
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import sys
 import threading
 import time
 from contextlib import suppress
@@ -24,6 +23,7 @@ from rigctl.clock import real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig, parse_rig
+from systems import needs_posix
 
 RIG = load_rig(shipped("rigs", "oil-circuit-visa.yaml"))
 #: ms, more than a busy computer takes to answer
@@ -154,7 +154,7 @@ def test_an_answer_counts_only_when_complete() -> None:
         thread.join()
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudoterminals")
+@needs_posix("a pseudo-terminal")
 @pytest.mark.parametrize("waiting", [True, False])
 def test_a_late_answer_on_a_serial_line_shifts_no_later_answer(waiting: bool) -> None:
     """Every later query was given the answer to the one before it: one channel had the values of another.

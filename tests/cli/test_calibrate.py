@@ -20,6 +20,7 @@ from rigctl.cli.main import app
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
+from systems import own_state
 from tclab_board import Served
 
 POINTS = "reference [bar],raw\n" + "".join(
@@ -203,7 +204,7 @@ def test_guided_calibration_reads_the_board_at_each_reference_value(tmp_path: Pa
     """The two-heater board: its thermometer reads 1 % and 2 K too much, which the calibration finds."""
     shutil.copy(shipped("rigs", "tclab-board.yaml"), tmp_path / "board.yaml")
     (tmp_path / "rigctl.toml").write_text('rig = "board.yaml"\n', encoding="utf-8")
-    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
+    environment = {**os.environ, **own_state(tmp_path / "state"), "PYTHONUNBUFFERED": "1"}
     with Served() as board:
         options = ["--json", "--readings", "4", "--rate", "10", "--reference", "mercury"]
         command = [

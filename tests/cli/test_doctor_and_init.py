@@ -11,13 +11,15 @@ from typer.testing import CliRunner
 from rigctl.cli.commands import doctor
 from rigctl.cli.main import app
 from rigctl.errors import RigctlError
+from systems import own_state
 from tclab_board import Served
 
 
 @pytest.fixture(autouse=True)
 def no_guards_of_other_tests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Guards of earlier tests may still try to reach a closed board, which doctor would report."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    for name, value in own_state(tmp_path / "state").items():
+        monkeypatch.setenv(name, value)
 
 
 def test_init_makes_a_project_whose_procedures_are_valid(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ import own_process
 from patience import patient
 from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
+from systems import own_state
 from tclab_board import Served
 
 #: longer than a busy computer stalls, so that each part has samples
@@ -111,7 +112,7 @@ def test_off_works_without_a_run(board: Served, tmp_path: Path) -> None:
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        env={**os.environ, **own_state(tmp_path / "state")},
         check=True,
     )
     assert "heater_1 0 %" in done.stdout
@@ -132,7 +133,7 @@ def test_a_record_too_fast_for_the_device_is_refused_before_the_run_starts(tmp_p
             cwd=tmp_path,
             capture_output=True,
             text=True,
-            env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+            env={**os.environ, **own_state(tmp_path / "state")},
         )
         for call in calls
     )

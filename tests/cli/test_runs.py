@@ -17,6 +17,7 @@ from dataset.strokes import LAYOUT, STARTED, measure_strokes
 from rigctl.cli.main import app
 from rigctl.dataset import RunHeader, RunWriter, Source, open_run
 from rigctl.errors import RigctlError
+from systems import needs_posix
 
 FIRST, SECOND = "20261121-093000-stroke", "20261121-100000-stroke"
 
@@ -132,7 +133,7 @@ def test_a_long_answer_is_whole_in_a_pipe(project: Path) -> None:
     assert len(lines) == 3001
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="has no pseudo-terminals")
+@needs_posix("a pseudo-terminal")
 def test_a_terminal_shows_the_first_rows_of_a_long_answer(project: Path) -> None:
     ours, theirs = os.openpty()
     with subprocess.Popen(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rigctl.dataset import open_run, verify
+from systems import needs_posix
 
 TESTS = Path(__file__).parents[1]
 PROGRAM = """
@@ -40,7 +41,7 @@ except RigctlError as problem:
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="the limit on the size of files is POSIX's")
+@needs_posix("a limit on the size of a file")
 @pytest.mark.parametrize("limit", [2000, 5000, 40_000, 1_000_000])
 def test_samples_written_before_the_disk_was_full_are_kept(tmp_path: Path, limit: int) -> None:
     answer = subprocess.run(

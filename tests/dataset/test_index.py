@@ -30,6 +30,7 @@ from rigctl.dataset.index import file as index_file
 from rigctl.dataset.index.file import index_path, is_indexed
 from rigctl.dataset.run_order import run_folders
 from rigctl.errors import RigctlError
+from systems import needs_posix
 
 RunMaker = Callable[..., Path]
 HeaderMaker = Callable[..., object]
@@ -255,7 +256,7 @@ def test_without_a_writable_index_the_folders_are_read(
     assert "no index of the runs can be kept" in caplog.text
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders and /dev/zero are of POSIX")
+@needs_posix("pipes in folders, and /dev/zero")
 @pytest.mark.parametrize("how", ["pipe", "device", "folder"])
 @pytest.mark.usefixtures("four")
 def test_an_index_that_is_not_a_file_is_bypassed(
@@ -331,7 +332,7 @@ def test_a_condition_that_needs_too_much_is_refused_in_one_message(
     assert page_of_runs(runs, where="records = 1").found == 1
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows has no such permissions")
+@needs_posix("permissions of POSIX")
 def test_an_index_that_others_could_have_written_is_made_again(four: list[Path], runs: Path) -> None:
     def procedures() -> set[str]:
         return {run.procedure for run in list_runs(runs)}

@@ -21,6 +21,7 @@ from rigctl.dataset.exporting import export_junit, export_ro_crate
 from rigctl.dataset.storage import Store, upload
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.testing import VirtualBench
+from systems import needs_posix
 
 STEPS = """\
 identity: {serial_number: HC-0042, part: two chambers}
@@ -160,7 +161,7 @@ def test_a_forged_run_is_refused_and_hides_no_other(
     assert not Path("out").exists()
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders and /dev/zero are of POSIX")
+@needs_posix("pipes in folders, and /dev/zero")
 @pytest.mark.parametrize("how", ["pipe", "device", "folder"])
 @pytest.mark.parametrize("name", ["log.jsonl", "events.parquet", "run.json"])
 def test_pipes_devices_and_folders_in_place_of_a_run_s_files_are_refused(

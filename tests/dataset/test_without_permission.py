@@ -12,6 +12,7 @@ import pytest
 
 from dataset.strokes import LAYOUT, STARTED, measure_strokes
 from rigctl.dataset import RunHeader, RunWriter, Source
+from systems import needs_posix
 
 #: prints the id and status of each run in a folder; uses an index from the given number of runs
 LIST = """
@@ -29,7 +30,7 @@ def _without_privileges() -> list[str]:
     return ["setpriv", "--inh-caps=-all", "--bounding-set=-all"] if os.geteuid() == 0 else []
 
 
-@pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
+@needs_posix("permissions of POSIX")
 @pytest.mark.parametrize("index_from", [1, 1000], ids=["indexed", "not indexed"])
 def test_an_unreadable_folder_does_not_hide_the_other_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, index_from: int

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from rigctl.engine.result_cache import RESULTS_VARIABLE, TALLY, Opaque, Store, cached, digest, switched_off
 from rigctl.engine.result_cache.coding import Damaged, decode, encode
+from systems import needs_posix
 
 Floats = NDArray[np.float64]
 
@@ -105,7 +106,7 @@ def test_a_result_is_computed_once_and_bit_identical(folder: Path) -> None:
         assert one.ending is Ending.STEP
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows has no such permissions")
+@needs_posix("permissions of POSIX")
 def test_a_result_that_others_could_have_written_is_not_believed(folder: Path) -> None:
     """A noise of eight times the size, in a folder of a group, used to change a verdict."""
     log: list[str] = []

@@ -12,11 +12,12 @@ from bench_stand import Stand
 from rigctl.dataset.recording import writer
 from rigctl.dataset.recording.journal import JournalWriter
 from run_workshop import Workshop
+from systems import needs_posix
 
 STEPS = "steps:\n  - record: {name: stroke, rate: 100 Hz}\n    do:\n      - wait: 6 s\n  - wait: 2 s\n"
 
 
-@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be truncated there")
+@needs_posix("open files that another program can truncate")
 @pytest.mark.parametrize(
     ("moment", "told"),
     [(3.0, "samples, of record 0 are lost"), (7.9, "5 samples are lost")],
@@ -40,7 +41,7 @@ def test_a_truncated_journal_is_reported_and_fails_the_command(
     assert info["lost_rows"] > 0
 
 
-@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be truncated there")
+@needs_posix("open files that another program can truncate")
 def test_a_journal_that_is_truncated_after_its_last_sample_is_noticed(tmp_path: Path) -> None:
     written = JournalWriter(tmp_path / "samples.journal", ["time", "record"], {})
     written.append((0.0, -1.0))

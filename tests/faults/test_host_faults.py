@@ -24,6 +24,7 @@ from rigctl.runner.launch import Launch
 from rigctl.runner.operators.automatic_operator import AutomaticOperator
 from rigctl.runner.resume import open_interrupted, relaunch
 from run_workshop import RIG, Workshop
+from systems import needs_posix, needs_signals, own_state
 
 Do = Callable[..., Any]
 
@@ -81,7 +82,7 @@ def test_a_full_disk_ends_the_run_safely_and_keeps_what_was_written(
     assert len(open_run(done.result.folder).samples()) > 100
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit on the size of a file")
+@needs_posix("a limit on the size of a file")
 def test_a_disk_that_stays_full_loses_nothing_that_was_written(project: Path) -> None:
     code = (
         "import resource, sys\n"
@@ -204,7 +205,7 @@ def project(tmp_path: Path) -> Path:
 def environment(project: Path) -> dict[str, str]:
     """The environment of commands, which keeps the user's own state folder out of the tests."""
     home = str(project / "home")
-    return {**os.environ, "XDG_STATE_HOME": home, "LOCALAPPDATA": home, "HOME": home}
+    return {**os.environ, **own_state(project / "home"), "HOME": home}
 
 
 def rigctl(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -277,6 +278,7 @@ def begin(project: Path) -> Iterator[Callable[..., Background]]:
             run.process.communicate()
 
 
+@needs_signals
 def test_a_second_run_on_a_rig_is_refused_and_the_first_can_be_aborted_elsewhere(
     project: Path, begin: Callable[..., Background]
 ) -> None:
@@ -304,10 +306,11 @@ def test_a_second_run_on_a_rig_is_refused_and_the_first_can_be_aborted_elsewhere
 SIGNALS = [
     (name, code)
     for name, code in (("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 143))
-    if hasattr(signal, name) and sys.platform != "win32"
+    if hasattr(signal, name)
 ]
 
 
+@needs_signals
 @pytest.mark.parametrize(("name", "code"), SIGNALS)
 def test_a_signal_ends_a_real_time_run_within_a_fraction_of_a_second(
     begin: Callable[..., Background], name: str, code: int

@@ -10,12 +10,11 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
 from rigctl.dataset import open_run, verify
+from systems import needs_posix, own_state
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="open files cannot be deleted there")
+@needs_posix("open files that can be deleted")
 def test_a_runs_folder_that_is_deleted_ends_the_run_and_names_where_the_samples_are(tmp_path: Path) -> None:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     text = (
@@ -31,7 +30,7 @@ def test_a_runs_folder_that_is_deleted_ends_the_run_and_names_where_the_samples_
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "XDG_STATE_HOME": home, "XDG_DATA_HOME": home},
+        env={**os.environ, **own_state(tmp_path / "home")},
     ) as run:
         try:
             journals = (tmp_path / "runs").glob

@@ -13,6 +13,7 @@ from commands import call
 from rigctl.cli.commands.init import create_project
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text, regular
+from systems import needs_posix
 
 SOURCE = Path(__file__).parents[2] / "src" / "rigctl"
 COMMANDS = (
@@ -33,7 +34,7 @@ COMMANDS = (
 )
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders and /dev/zero are of POSIX")
+@needs_posix("pipes in folders, and /dev/zero")
 def test_pipes_and_devices_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     create_project(tmp_path / "project")
     monkeypatch.chdir(tmp_path / "project")

@@ -15,6 +15,7 @@ import pytest
 
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.write import move_folder, to_json, write_json, write_new, write_text
+from systems import needs_posix
 
 
 def test_text_is_utf_8_with_plain_line_ends(tmp_path: Path) -> None:
@@ -53,7 +54,7 @@ def test_an_impossible_folder_is_reported(tmp_path: Path) -> None:
         write_text(tmp_path / "file" / "a.txt", "x")
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no such permissions")
+@needs_posix("permissions of POSIX")
 def test_permissions_are_those_of_any_new_file_and_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     other = tmp_path / "b.txt"

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from rigctl.cli.main import app
 from rigctl.files.shipped import shipped
+from systems import own_state
 
 #: a shell starts background commands with Ctrl-C ignored
 AS_BACKGROUND_JOB = """\
@@ -56,7 +57,8 @@ def test_a_file_is_never_replaced_by_a_port_link(tmp_path: Path) -> None:
 def test_a_procedure_runs_on_the_emulated_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    for name, value in own_state(tmp_path / "state").items():
+        monkeypatch.setenv(name, value)
     procedure = shipped("procedures", "quick-check.yaml")
     rig = shipped("rigs", "hl32-bench-uno.yaml")
     arguments = [

@@ -17,6 +17,7 @@ import rigctl as rigctl_package
 from commands import create_strokes
 from own_process import RIGCTL
 from rigctl.child_process import isolated_children, module_command
+from systems import own_state
 from web.serving import serving
 from web.watched import wait_for
 
@@ -52,9 +53,9 @@ def nothing_executed(traps: Path) -> Iterator[Callable[[], list[str]]]:
 
 def rigctl(folder: Path, *arguments: str, **variables: str) -> str:
     done = subprocess.run(
-        [RIGCTL, *arguments],
+        [*RIGCTL, *arguments],
         cwd=folder,
-        env={**os.environ, "XDG_STATE_HOME": str(folder / "state"), **variables},
+        env={**os.environ, **own_state(folder / "state"), **variables},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -19,6 +19,7 @@ import pytest
 from commands import answer
 from rigctl.dataset import Run, open_run
 from rigctl.files.shipped import shipped
+from systems import own_state
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
 
@@ -40,7 +41,8 @@ def test_a_procedure_gives_the_same_records_on_three_benches(
 ) -> None:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    for name, value in own_state(tmp_path / "state").items():
+        monkeypatch.setenv(name, value)
     simulated = carried_out(name, "--backend", "simulated", "--seed", "3")
     emulated = carried_out(name, "--backend", "emulated", "--seed", "4")
     replayed = carried_out(name, "--backend", "replay", emulated.id)

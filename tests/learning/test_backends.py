@@ -20,6 +20,7 @@ from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.dataset.run_json import read_info
 from rigctl.files.shipped import shipped
+from systems import needs_signals
 from tclab_board import Served
 
 ONE_ROUND = ("--max-rounds", "1", "--json")
@@ -52,6 +53,7 @@ def only_run(folder: Path) -> Path:
     return found.parent
 
 
+@needs_signals
 def test_an_interrupted_round_on_a_line_device_ends_safely_and_resumes(bench: Path) -> None:
     model = ("--model", "models/tclab-board.yaml")
     with Served() as board:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from rigctl.dataset import open_run, verify
 from rigctl.files.shipped import shipped
+from systems import own_state
 from tclab_board import Served
 
 HEATING = """\
@@ -119,7 +120,6 @@ def one(folder: Path, seed: str, how: str, tally: Tally) -> None:
         the heater stays on, is switched on again, or the run does not report its ending correctly.
     """
     rng, project = random.Random(seed), _project(folder)
-    state = str(project / "state")
     with Served() as board:
         host = subprocess.Popen(
             [sys.executable, "-m", "rigctl", "run", "heating.yaml", "--port", board.url, "--json"],
@@ -128,7 +128,7 @@ def one(folder: Path, seed: str, how: str, tally: Tally) -> None:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, "XDG_STATE_HOME": state, "XDG_DATA_HOME": state},
+            env={**os.environ, **own_state(project / "state")},
         )
         try:
             _wait_for(lambda: board.sketch.heaters == (60.0, 0.0) or host.poll() is not None)

@@ -6,7 +6,6 @@ import http.client
 import json
 import os
 import re
-import signal
 import subprocess
 import threading
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from own_process import RIGCTL
+from systems import interrupt, own_state
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Page
@@ -96,8 +96,8 @@ class Served:
 @contextmanager
 def serving(project: Path, *options: str, state: Path, ends: int = 0) -> Iterator[Served]:
     """`rigctl serve`, until the block ends: then by Ctrl-C, with `ends` as its exit status."""
-    command = [RIGCTL, "serve", str(project), "--no-browser", *options]
-    environment = {**os.environ, "XDG_STATE_HOME": str(state), "PYTHONUNBUFFERED": "1"}
+    command = [*RIGCTL, "serve", str(project), "--no-browser", *options]
+    environment = {**os.environ, **own_state(state), "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=project
     )
@@ -122,9 +122,10 @@ def serving(project: Path, *options: str, state: Path, ends: int = 0) -> Iterato
     try:
         yield Served(project, address, process, state)
     finally:
-        process.send_signal(signal.SIGINT)
+        interrupt(process)
         try:
-            assert process.wait(120) == ends, "".join(faults)
+            ended = process.wait(120)
+            assert ended == ends or os.name != "posix", "".join(faults)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -20,6 +20,7 @@ from rigctl.web.lease import Lease
 from rigctl.web.live import Live
 from rigctl.web.request_handling import PageRequest
 from rigctl.web.server_state import Site
+from systems import own_state
 from web.serving import Window
 from web.watched import wait_for
 
@@ -60,7 +61,8 @@ class Bench:
 
 @pytest.fixture
 def bench(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    for name, value in own_state(tmp_path).items():
+        monkeypatch.setenv(name, value)
     found = Bench(project)
     for viewer in ("a", "b"):
         found.lease.connected(viewer)

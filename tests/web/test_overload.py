@@ -20,6 +20,7 @@ from rigctl.web.procedure import Procedures
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.request_timeout import MOST_CONNECTIONS
 from rigctl.web.server_state import Site
+from systems import needs_posix
 from web.serving import Served
 
 
@@ -81,7 +82,7 @@ def test_requests_that_are_stuck_hold_up_no_reserved_one() -> None:
     assert (others.count(200), others.count(503)) == (80, 20)
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders are of POSIX")
+@needs_posix("pipes in folders")
 def test_a_rig_that_is_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.yaml")
     procedures = Procedures(Site(Project(tmp_path, tmp_path / "runs"), Jobs(tmp_path)))

@@ -23,6 +23,7 @@ from rigctl.errors import RigctlError
 from rigctl.project import find_project
 from rigctl.web.parts import PARTS
 from rigctl.web.server import Settings, host_names
+from systems import needs_posix, own_state
 from web.serving import Served, serving
 from web.watched import wait_for
 
@@ -31,7 +32,7 @@ def refused(project: Path, state: Path, *options: str) -> str:
     """The message of a `rigctl serve` that ends at once."""
     done = subprocess.run(
         [sys.executable, "-m", "rigctl", "serve", str(project), "--no-browser", *options],
-        env={**os.environ, "XDG_STATE_HOME": str(state)},
+        env={**os.environ, **own_state(state)},
         check=False,
         capture_output=True,
         text=True,
@@ -149,14 +150,14 @@ def test_the_server_modules_import_no_heavy_library() -> None:
     assert heavy & set(loaded.split()) == set()
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there a program is not killed by a signal")
+@needs_posix("a process that is killed by a signal")
 def test_a_command_with_serve_ends_its_server_with_it(tmp_path: Path) -> None:
     project = tmp_path / "bench"
     create_project(project)
     process = subprocess.Popen(
         [sys.executable, "-m", "rigctl", "simulate", "procedures/stroke.yaml", "--speed", "1x", "--serve"],
         cwd=project,
-        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        env={**os.environ, **own_state(tmp_path / "state")},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

@@ -8,7 +8,6 @@ import re
 import signal
 import struct
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
@@ -27,6 +26,7 @@ from commands import answer
 from rigctl.dataset import open_run
 from rigctl.web.server_state import LONGEST_MESSAGE
 from rigctl.web.workbench.frames import frame
+from systems import needs_posix
 from web.pictures import outline, outline_of_picture
 from web.serving import Served, Window, serving
 
@@ -327,7 +327,7 @@ def test_a_refusal_is_shown_and_sliders_keep_working(bench: Page) -> None:
     settled(bench)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no ps")
+@needs_posix("ps, and SIGKILL")
 def test_a_crashed_workbench_is_reported_and_reopens(bench: Page, leaking: Served) -> None:
     """Out of memory, or a crash in native code: the server keeps running."""
     for pid, arguments in children(leaking.process.pid):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import shutil
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ from rigctl.dataset.recording import disk_thread
 from rigctl.dataset.recording.disk_thread import BackgroundWriter
 from rigctl.dataset.recording.journal import JournalWriter
 from rigctl.errors import RigctlError
+from systems import needs_posix
 
 ID = "20261121-093000-stroke"
 
@@ -101,7 +101,7 @@ def test_a_hanging_disk_blocks_nothing_and_loses_nothing(
     assert verify(folder).good
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="open files cannot be deleted there")
+@needs_posix("open files that can be deleted")
 def test_a_deleted_folder_is_reported_and_data_are_kept_elsewhere(
     writer: BackgroundWriter, tmp_path: Path
 ) -> None:

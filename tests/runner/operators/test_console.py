@@ -22,6 +22,7 @@ from rigctl.runner.operators.keys import _PosixKeys, input_is_empty, is_terminal
 from rigctl.runner.operators.operator import read_answer
 from rigctl.runner.operators.requests import Request
 from run_workshop import Workshop
+from systems import needs_posix
 
 TIME = Question("Flow time?", name="flow_time", unit="s", low=1.0, high=600.0)
 
@@ -146,7 +147,7 @@ def test_only_a_terminal_is_typed_into(tmp_path: Path) -> None:
     assert not is_terminal(io.StringIO(""))
 
 
-@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo-terminals")
+@needs_posix("a pseudo-terminal")
 def test_a_terminal_is_typed_into() -> None:
     ours, theirs = os.openpty()
     with os.fdopen(ours, "rb"), os.fdopen(theirs, encoding="utf-8") as terminal:
