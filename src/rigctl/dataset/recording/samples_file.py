@@ -34,6 +34,8 @@ GROUP_ROWS: Final = 1 << 17
 _SEVERAL: Final = "devices"
 #: s by which a reading may arrive after later ones of other devices
 _LATEST: Final = 60.0
+#: s between two readings at the same time
+_APART: Final = 1e-9
 #: keys of the file's metadata: the last session in the file, and the damage by session
 _SESSION: Final = b"rigctl.session"
 _LOSSES: Final = b"rigctl.losses"
@@ -210,13 +212,18 @@ def _blocks(source: Journal, header: RunHeader, target: pa.Schema, offset: float
 
 
 def _in_order(blocks: Iterator[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
-    """Yield the rows in order of time: of several devices, a slow one's reading arrives after later ones."""
+    """Yield the rows in order of time: of several devices, a slow one's reading arrives after later ones.
+
+    No two rows have the same time, as within a record of one device.
+    """
     import numpy as np
 
     waiting: NDArray[np.float64] | None = None  # rows that those of the next block may precede
     for block in blocks:
         rows = block if waiting is None else np.concatenate([waiting, block])
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        for index in np.flatnonzero(np.diff(rows[:, 0]) <= 0.0) + 1:  # of two devices, at the very same time
+            rows[index, 0] = max(rows[index, 0], rows[index - 1, 0] + _APART)
         ready = int(np.searchsorted(rows[:, 0], rows[-1, 0] - _LATEST)) if len(rows) else 0
         if ready:
             yield rows[:ready]
