@@ -69,7 +69,10 @@ def one(folder: Path, seed: str, how: str) -> float:
             env={**os.environ, "WIN_PD_OVERRIDE_LOCAL_APPDATA": state},
         )
         try:
-            _wait_for(lambda: board.sketch.heaters == (60.0, 0.0) or host.poll() is not None, 180.0)
+            try:
+                _wait_for(lambda: board.sketch.heaters == (60.0, 0.0) or host.poll() is not None, 180.0)
+            except AssertionError:
+                raise AssertionError("rigctl had not begun to heat after 180 s: nothing was tested") from None
             assert host.poll() is None, host.communicate()
             time.sleep(rng.uniform(0.0, 2.5))
             began = time.monotonic()
