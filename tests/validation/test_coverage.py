@@ -99,3 +99,18 @@ def test_the_rates_count_intervals_alarms_and_what_sensors_explain() -> None:
     assert rates["right, or its class", "hidden"] == (1, 3)
     assert rates["explained by the stated calibrations", "hidden"] == (1, 3)
     assert rates["adequate without a word of sensors", "hidden"] == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("seed", "verdict", "explained"),
+    [(50046, "undecided", ""), (51162, "outside_library", "calibration")],
+    ids=["a zero that imitates a torque", "a voltmeter beyond its calibration"],
+)
+def test_an_error_of_a_plain_uncertainty_is_no_missing_effect(
+    seed: int, verdict: str, explained: str
+) -> None:
+    """Both were said to lack an effect, in the scale of their own errors, with sensors taken for exact."""
+    trial = next(one for one in coverage_trials() if one.seed == seed)
+    outcome = carry_out_coverage(trial)
+    assert trial.hidden == ""
+    assert (outcome.verdict, outcome.explained_by, outcome.effects) == (verdict, explained, ())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -156,15 +157,16 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
 
     Where calibrations with errors of a stated kind are in the fit already, it is repeated without them. Where
     only an uncertainty is stated, sensors were exact: if the model does not agree, it is repeated with errors
-    of each, and that comparison is the answer if they explain what was left within what is stated. If they
-    do not, or would have to be larger, it is kept beside the other as `with_sensor_errors`.
+    of each, and that comparison is the answer if they explain what was left within what is stated, or if no
+    test rejects the model any more and only the noise is in question. If they do not, or would have to be
+    larger, it is kept beside the other as `with_sensor_errors`.
     """
     fitted, tests = compared.fit, compared.adequacy
     uncertain = fitted.problem.measurements.possible_errors
     if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
         if wrong is not None:
-            if wrong.adequacy.agrees:
+            if wrong.adequacy.agrees or _open_with_sensors(compared, wrong):
                 return wrong
             compared = replace(compared, with_sensor_errors=wrong)
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
@@ -212,6 +214,20 @@ def _by_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:
         wrong.fit.errors[name].rmse < _FALLEN * exact.fit.errors[name].rmse
         for name in exact.adequacy.unproven
     )
+
+
+def _open_with_sensors(exact: ModelComparison, wrong: ModelComparison) -> bool:
+    """Whether exact sensors are what makes a test reject the model, while slow noise leaves it open.
+
+    No effect is then searched with exact sensors: it would be named for what they may read wrongly. The
+    errors of the channels in question have to fall, on the whole, as one fit may trade one for another.
+    """
+    tests = wrong.adequacy
+    if exact.adequacy.verdict is not False or not tests.undecided or tests.unusable or tests.misread:
+        return False
+    names = {*exact.adequacy.unproven, *tests.unproven}
+    falls = [math.log(wrong.fit.errors[name].rmse / exact.fit.errors[name].rmse) for name in names]
+    return sum(falls) < len(falls) * math.log(_FALLEN)
 
 
 def _as_exact(compared: ModelComparison, on_progress: OnProgress | None) -> ModelComparison:

@@ -182,6 +182,15 @@ def diagnose_comparison(
     return replace(diagnosis, laws=_laws_instead(search) if outside else judgement.every_law.of())
 
 
+def _answered(search: Search, found: RefittedSet, inexact: ModelComparison) -> bool:
+    """Whether a search with exact sensors is the answer. A set that leaves nothing, but cannot be named for
+    want of proof, is not, where errors of sensors larger than stated explain the same."""
+    if not _explained(search, found):
+        return False
+    unproven = found.candidates and inexact.adequacy.only_misread and not judge_set(search, found).named
+    return not unproven
+
+
 def _explained(search: Search, found: RefittedSet) -> bool:
     """Whether nothing is left, with what was found or within the tolerance of the model's own laws."""
     return agrees_within_tolerance(search) or search.at(found).adequacy.agrees
@@ -297,7 +306,7 @@ def _searched_with_sensors(
     """
     search, found = _searched(before, most, on_progress)
     inexact = before.with_sensor_errors
-    if inexact is None or inexact.adequacy.unproven or _explained(search, found):
+    if inexact is None or inexact.adequacy.unproven or _answered(search, found, inexact):
         return search, found, None
     if inexact.adequacy.only_misread or search.left(found):
         beside, best = _searched(inexact, most, on_progress)
