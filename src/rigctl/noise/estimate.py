@@ -13,7 +13,7 @@ from rigctl.noise.converter import find_step, stretch_bias
 from rigctl.noise.floor import LEAST_ORDERS, Floor, even_pieces, white_floor
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.pooling import Pooled
-from rigctl.noise.record import NoiseRecord
+from rigctl.noise.record import NoiseRecord, rows_of
 from rigctl.noise.spikes import find_spikes_on_scales
 from rigctl.noise.statements import channel_statement, model_statement
 from rigctl.noise.variance import smooth_course, variance_law
@@ -116,6 +116,8 @@ def _channel_noise(
     known: float | None,
     masked: int,
 ) -> ChannelNoise:
+    between_rows = spacing
+    records, ok, spacing = rows_of(records, ok, channel, spacing)
     values = [record.values[good[:, channel], channel] for record, good in zip(records, ok, strict=True)]
     step = find_step(values)
     size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
@@ -144,6 +146,8 @@ def _channel_noise(
     noise = _with_law(noise, records, ok, channel, spacing)
     if floor is not None:
         noise = replace(noise, floor=floor.sigma, plateau=floor.measured)
+    if spacing != between_rows:
+        noise = replace(noise, correlation=noise.correlation ** (between_rows / spacing))
     return noise.stated(channel_statement(noise, known))
 
 

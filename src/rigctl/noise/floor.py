@@ -21,6 +21,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.noise.record import own_spacing
 from rigctl.noise.variance import difference_degrees
 
 Floats = NDArray[np.float64]
@@ -121,11 +122,14 @@ def even_pieces(
     ----------
     periods: number of the period of constant commands to which each reading belongs; no stretch then holds
         readings of two.
+    spacing: the usual time between rows, s; see `own_spacing`.
     """
     good = np.isfinite(values)
-    joined = good[1:] & good[:-1] & (np.abs(np.diff(times) - spacing) <= _EVEN * spacing)
+    times, values = times[good], values[good]
+    step = own_spacing([times], spacing)
+    joined = np.abs(np.diff(times) - step) <= _EVEN * step
     if periods is not None:
-        joined &= np.diff(periods) == 0
+        joined &= np.diff(periods[good]) == 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
     for first, last in edges.reshape(-1, 2).tolist():
         yield values[first : last + 1]

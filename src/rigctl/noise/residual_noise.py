@@ -38,6 +38,8 @@ _SMALLEST = 1e-4
 _NORMAL = 3.0
 #: number of samples over which the overlap of differences is computed
 _STRETCH = 60
+#: a channel read in less than this share of the rows has rows of its own
+_SPARSE = 2.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -162,12 +164,15 @@ def _windows(
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """(windows, order + 1) errors, levels and known σ of each stretch of readings inside a phase."""
     for index, one in enumerate(residuals):
-        if one.phase.size <= order:
+        # a channel that most rows are without has rows of its own
+        read = np.isfinite(one.errors[:, channel])
+        used = np.flatnonzero(read) if read.mean() < _SPARSE else np.arange(read.size)
+        if used.size <= order:
             continue
-        columns = one.errors[:, channel], one.levels[:, channel]
-        sigma = np.ones(one.phase.size) if known is None else known[index]
+        columns = one.errors[used, channel], one.levels[used, channel]
+        sigma, phase = np.ones(used.size) if known is None else known[index][used], one.phase[used]
         rows = [np.lib.stride_tricks.sliding_window_view(x, order + 1) for x in (*columns, sigma)]
-        good = np.isfinite(rows[0]).all(axis=1) & (one.phase[order:] == one.phase[:-order])
+        good = np.isfinite(rows[0]).all(axis=1) & (phase[order:] == phase[:-order])
         yield rows[0][good], rows[1][good], rows[2][good]
 
 

@@ -39,6 +39,7 @@ from rigctl.noise import (
 )
 from rigctl.noise.channel_noise import ChannelData, learn_noise
 from rigctl.noise.pooling import Pooled, pool
+from rigctl.noise.record import rows_of
 from rigctl.noise.windows import LENGTH, TREND_ORDER, contrasts, cut_windows, window_pieces
 from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import show, significant
@@ -202,6 +203,11 @@ def residual_pieces(
     ]
 
 
+def _per_row(pooled: Pooled, share: float) -> Pooled:
+    """The noise with its correlation over this share of the time between the readings of its channel."""
+    return replace(pooled, fit=replace(pooled.fit, correlation=pooled.fit.correlation**share))
+
+
 def _with_channels(noise: DataNoise, channels: Sequence[ChannelNoise]) -> DataNoise | None:
     if all(_same(new, old) for new, old in zip(channels, noise.model.channels, strict=True)):
         return None
@@ -310,14 +316,18 @@ class _Evidence:
         if not any(_longest(mask[:, index]) >= least for mask, least in zip(masks, long, strict=True)):
             return None  # too short a rest to show anything as slow as the record
         used = [mask & good for mask, good in zip(masks, self.noise.ok, strict=True)]
-        data = ChannelData(self.records, used, index, self.noise.model.spacing, channel.step)
-        return learn_noise(data)
+        between_rows = self.noise.model.spacing
+        records, used_rows, spacing = rows_of(self.records, used, index, between_rows)
+        pooled = learn_noise(ChannelData(records, used_rows, index, spacing, channel.step))
+        return pooled and _per_row(pooled, between_rows / spacing)
 
     def _between(self, index: int, channel: ChannelNoise) -> Pooled | None:
         """The noise of the differences between replicates."""
-        spacing = self.noise.model.spacing
-        groups, cells = cut_windows(self.records, self.noise.ok, index, spacing)
-        return pool(contrasts(groups), [], len(cells))
+        between_rows = self.noise.model.spacing
+        records, ok, spacing = rows_of(self.records, self.noise.ok, index, between_rows)
+        groups, cells = cut_windows(records, ok, index, spacing)
+        pooled = pool(contrasts(groups), [], len(cells))
+        return pooled and _per_row(pooled, between_rows / spacing)
 
     def _rest(self, k: int, index: int, floor: float, *, white: bool) -> NDArray[np.bool_]:
         """(n, outputs) the samples of a record in windows in which nothing moves, spikes included."""
