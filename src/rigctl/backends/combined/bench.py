@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, wait
+from datetime import datetime, timedelta
+from functools import partial
 from time import monotonic
+from typing import Any
 
 from rigctl.backends.combined.device_thread import DeviceThread, Inbox, lost
 from rigctl.backends.combined.merging import Merging
 from rigctl.backends.commands import check_command
-from rigctl.backends.errors import BackendLost, OutputsNotSafe
+from rigctl.backends.errors import BackendLost, BenchTripped, OutputsNotSafe
 from rigctl.backends.protocol import Backend, CommandReceipt, Notice, PendingCommand, Regulator, Sample
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -19,6 +22,8 @@ from rigctl.rig import DEVICES, Rig
 
 #: s of wall time for all devices together to become safe, and to be closed
 _SAFE_WITHIN = 5.0
+#: s of wall time for all devices together to be opened; a device that hangs must not hold the others
+_OPEN_WITHIN = 60.0
 #: s of wall time after which the next device is opened though this one is not yet
 _NEXT_AFTER = 1.0
 #: s of wall time for a call that a device answers without being asked
@@ -55,6 +60,7 @@ class CombinedBench:
         self._threads: dict[str, DeviceThread] = {}
         self._regulating = ""  # the device of the newest loop
         self._announced: set[str] = set()  # lost devices whose notices could be fetched
+        self._opened = 0.0  # s, when all devices were open
 
     @property
     def identity(self) -> Mapping[str, str]:
@@ -94,14 +100,17 @@ class CombinedBench:
                 opening[name] = thread.open()
                 # guards are processes that load libraries: many at once would make answers late
                 self._wait([opening[name]], _NEXT_AFTER)
-            self._wait(opening.values(), math.inf)
+            self._wait(opening.values(), _OPEN_WITHIN)
         except BaseException:
             self.close()
             raise
-        errors = _errors(opening)
+        errors = _errors(opening) | {
+            name: BackendLost(f"not open within {_OPEN_WITHIN:g} s") for name in _unanswered(opening)
+        }
         if errors:
             self.close()
             raise self._unopened(errors)
+        self._opened = self.clock.now()
 
     def close(self) -> None:
         """Close all devices at once."""
@@ -127,9 +136,12 @@ class CombinedBench:
             if name not in self._inbox.lost
         }
         self._wait(started.values(), _AT_ONCE)  # a device that is busy starts later
+        late = _unanswered(started)
         errors = _errors(started)
         if errors:
             raise _named(errors)
+        for name in late:
+            started[name].add_done_callback(partial(self._started_late, name))
 
     def next_sample(self, timeout: float) -> Sample | None:
         """Return the bench as of the next reading of any device."""
@@ -149,7 +161,8 @@ class CombinedBench:
                     return None
                 inbox.arrived.wait(left)
             device, sample = inbox.samples.pop(0)
-        return self._merging.sample(device, sample, self.clock.now())
+        self._take_switches()
+        return self._merging.sample(device, sample)
 
     def take_receipts(self) -> list[CommandReceipt]:
         """Return the ends of pulses, and switches made by the devices themselves."""
@@ -171,21 +184,25 @@ class CombinedBench:
         check_command(self._rig, actuator, value, duration)
         device = self._rig.device_of(actuator)
         if not device:  # the operator's
-            now = self.clock.now()
-            self._merging.by_hand(actuator, value, now)
-            return PendingCommand.answered(CommandReceipt(now, actuator, value))
+            receipt = CommandReceipt(self.clock.now(), actuator, value)
+            self._merging.switched(receipt)
+            return PendingCommand.answered(receipt)
         bench = self.devices[device]
         return self._send(actuator, value, lambda: bench.command(actuator, value, duration=duration))
 
     def safe(self) -> None:
         """Bring every output of every device to its safe state, all at once; one that is dead delays none."""
         self._check_open()
-        making = {name: self._threads[name].call(bench.safe) for name, bench in self._driving().items()}
+        making = {name: self._threads[name].safe() for name in self._driving()}
         self._wait(making.values(), _SAFE_WITHIN)
-        silent = [name for name, future in making.items() if not future.done()]
         errors = _errors(making) | {
-            name: OutputsNotSafe(f"no answer within {_SAFE_WITHIN:g} s", {}) for name in silent
+            name: OutputsNotSafe(f"no answer within {_SAFE_WITHIN:g} s", {}, self._last_read(name))
+            for name in _unanswered(making)
         }
+        self._take_switches()
+        now = self.clock.now()
+        for output in (output for name in making.keys() - errors.keys() for output in self._outputs(name)):
+            self._merging.switched(CommandReceipt(now, output, float(self._rig.safe_state.get(output, 0.0))))
         if errors:
             raise _doubts(errors, self._safe_besides(errors))
 
@@ -211,8 +228,13 @@ class CombinedBench:
         """Return the state of the newest loop."""
         if not self._regulating:
             return LoopState(False, None)
-        bench = self._regulator()
-        return self._threads[self._regulating].call(lambda: bench.loop_state(ahead)).result(_AT_ONCE)
+        self._check_open()
+        bench, device = self._regulator(), self._regulating
+        asked = self._threads[device].call(lambda: bench.loop_state(ahead))
+        self._wait([asked], _AT_ONCE)
+        if not asked.done():
+            raise lost(device, f"no answer within {_AT_ONCE:g} s")
+        return asked.result()
 
     def stop_regulating(self, actuator: str) -> PendingCommand:
         """End a loop, leaving its output unchanged."""
@@ -233,6 +255,13 @@ class CombinedBench:
         self._threads[self._rig.device_of(actuator)].send(command, pending)
         return pending
 
+    def _take_switches(self) -> None:
+        """Take note of what the devices have carried out, before what follows it."""
+        with self._inbox.arrived:
+            taken, self._inbox.switched = self._inbox.switched, []
+        for receipt in taken:
+            self._merging.switched(receipt)
+
     def _let_pass(self) -> None:
         """Let time pass until something has arrived."""
         self._called()
@@ -241,7 +270,20 @@ class CombinedBench:
                 self._inbox.arrived.wait(_LOOK)
             self._inbox.answered = False
 
-    def _wait(self, futures: Iterable[Future[None]], limit: float) -> None:
+    def _started_late(self, device: str, started: Future[None]) -> None:
+        """A device that was busy has been asked to start: one that cannot is lost."""
+        error = started.exception()
+        if error is not None:
+            with self._inbox.arrived:
+                self._inbox.lost[device] = str(error) or repr(error)
+                self._inbox.arrived.notify()
+
+    def _last_read(self, device: str) -> datetime:
+        """Return when a device was last heard: its newest reading, or when the bench was opened."""
+        silence = self.clock.now() - self._merging.read_at.get(device, self._opened)
+        return self.clock.date() - timedelta(seconds=silence)
+
+    def _wait(self, futures: Iterable[Future[Any]], limit: float) -> None:
         """Wait for the results of devices, `limit` s of wall time at most; they are kept alive meanwhile."""
         give_up = monotonic() + limit
         while wait(futures, min(_LOOK, max(give_up - monotonic(), 0.0))).not_done:
@@ -251,9 +293,10 @@ class CombinedBench:
 
     def _unopened(self, errors: Mapping[str, BaseException]) -> BaseException:
         """Return the error for devices that could not be opened; the others have been made safe."""
-        error, safe = _named(errors), ", ".join(sorted(self._safe_besides(errors)))
+        safe = self._safe_besides(errors) & (self.outputs_read | self.outputs_answered)
+        error = _named(errors, safe)
         if isinstance(error, BackendLost) and safe:
-            error.what += f"; confirmed safe: {safe}"
+            error.what += f"; confirmed safe: {', '.join(sorted(safe))}"
         return error
 
     def _called(self) -> None:
@@ -278,7 +321,7 @@ class CombinedBench:
         return frozenset(name for device in devices for name in self._outputs(device))
 
 
-def _errors(futures: Mapping[str, Future[None]]) -> dict[str, BaseException]:
+def _errors(futures: Mapping[str, Future[Any]]) -> dict[str, BaseException]:
     """Return the errors of the devices that have answered."""
     return {
         name: error
@@ -287,15 +330,28 @@ def _errors(futures: Mapping[str, Future[None]]) -> dict[str, BaseException]:
     }
 
 
-def _named(errors: Mapping[str, BaseException]) -> BaseException:
-    """Return one error for those of several devices, with their names; a mistake comes before a loss."""
+def _unanswered(futures: Mapping[str, Future[Any]]) -> list[str]:
+    """Return the devices that have not answered yet."""
+    return [name for name, future in futures.items() if not future.done()]
+
+
+def _named(errors: Mapping[str, BaseException], safe: frozenset[str] = frozenset()) -> BaseException:
+    """Return one error for those of several devices, which names them all.
+
+    Its kind is the worst: outputs that may be on, then a device that is not reached, then a mistake, and a
+    trip, which says that outputs are safe, only if there is nothing else. `safe` are outputs that are.
+    """
+    if any(isinstance(error, OutputsNotSafe) for error in errors.values()):
+        return _doubts(errors, safe)
     texts = {name: f"{name}: {error}" for name, error in errors.items()}
-    for name, error in errors.items():
-        if isinstance(error, RigctlError) and not isinstance(error, BackendLost):
-            error.what = f"{name}: {error.what}"
-        if not isinstance(error, BackendLost):
-            return error
-    return BackendLost("; ".join(texts.values()))
+    if any(isinstance(error, BackendLost) for error in errors.values()):
+        return BackendLost("; ".join(texts.values()))
+    name = next((name for name, error in errors.items() if not isinstance(error, BenchTripped)), min(errors))
+    error = errors[name]
+    if isinstance(error, RigctlError):
+        others = [text for other, text in texts.items() if other != name]
+        error.what = "; ".join([*others, f"{name}: {error.what}"])
+    return error
 
 
 def _doubts(errors: Mapping[str, BaseException], confirmed: frozenset[str]) -> OutputsNotSafe:

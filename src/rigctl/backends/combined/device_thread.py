@@ -10,9 +10,9 @@ from threading import Condition, Thread
 from time import monotonic
 from typing import TypeVar
 
-from rigctl.backends.errors import BackendLost
+from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.protocol import Backend, CommandReceipt, Notice, PendingCommand, Sample
-from rigctl.errors import RigctlError
+from rigctl.errors import ExitCode, RigctlError
 
 Result = TypeVar("Result")
 
@@ -30,7 +30,10 @@ class Inbox:
 
     Attributes
     ----------
-    samples: with the device of each; receipts and notices likewise.
+    samples: with the device of each.
+    receipts: the switches that no command reports.
+    switched: all switches, also those that a command reports, since the newest sample was fetched.
+    notices: each with the name of its device.
     lost: why a device is gone for good, by device.
     answered: whether a command has been answered since the host looked last.
     called: monotonic time of the host's last call, s.
@@ -39,6 +42,7 @@ class Inbox:
     arrived: Condition = field(default_factory=Condition)
     samples: list[tuple[str, Sample]] = field(default_factory=list)
     receipts: list[CommandReceipt] = field(default_factory=list)
+    switched: list[CommandReceipt] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)
     lost: dict[str, str] = field(default_factory=dict)
     answered: bool = False
@@ -58,7 +62,8 @@ class DeviceThread:
         self._inbox = inbox
         self._calls: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._pending: list[tuple[PendingCommand, PendingCommand]] = []  # the device's, and the host's
-        self._reading = False
+        self._open = self._reading = False
+        self._safes = 0  # how often safe outputs were asked for
         self._thread = Thread(target=self._work, name=f"device {name}", daemon=True)
         self._thread.start()
 
@@ -80,7 +85,7 @@ class DeviceThread:
 
         def work() -> None:
             self.bench.open()
-            self._reading = True
+            self._open = self._reading = True
 
         return self.call(work)
 
@@ -88,21 +93,33 @@ class DeviceThread:
         """Close the device, and end the thread."""
 
         def work() -> None:
-            self._reading = False
+            self._open = self._reading = False
             self.bench.close()
 
+        self._safes += 1
         future = self.call(work)
         self._calls.put(None)
         return future
 
+    def safe(self) -> Future[None]:
+        """Make outputs safe; commands that still wait for this thread are dropped."""
+        self._safes += 1
+        return self.call(self.bench.safe)
+
     def send(self, command: Callable[[], PendingCommand], pending: PendingCommand) -> None:
-        """Send a command; `pending` receives its outcome."""
+        """Send a command; `pending` receives its outcome, whatever happens."""
+        asked_after = self._safes
 
         def work() -> None:
             try:
+                if self._safes != asked_after:
+                    raise OutOfReach(f"{self.name}: not sent, as outputs were to be safe meanwhile")
                 self._pending.append((command(), pending))
             except RigctlError as error:
                 pending.trouble = error
+                self._answered()
+            except Exception as error:  # noqa: BLE001 - nobody may wait for its outcome for ever
+                pending.trouble = RigctlError(f"{self.name}: {error!r}", exit_code=ExitCode.FAILED)
                 self._answered()
 
         self.call(work)
@@ -119,22 +136,35 @@ class DeviceThread:
             if call is None:
                 return
             call()
-            self._report()
+            if self._open:  # a closed bench has nothing to report
+                self._report()
 
     def _read(self) -> None:
         try:
             sample = self.bench.next_sample(_SLICE)
         except Exception as error:  # noqa: BLE001 - whatever it is, the device is lost, and no other with it
-            self._reading = False
-            with self._inbox.arrived:
-                self._inbox.lost[self.name] = str(error) if isinstance(error, RigctlError) else repr(error)
-                self._inbox.arrived.notify()
+            self._lose(error)
             sample = None
         self._report(sample)
 
+    def _lose(self, error: Exception) -> None:
+        self._reading = False
+        text = str(error) if isinstance(error, RigctlError) else repr(error)
+        for _, pending in self._pending:
+            pending.trouble = lost(self.name, text)
+        self._pending = []
+        with self._inbox.arrived:
+            self._inbox.lost.setdefault(self.name, text)
+            self._inbox.answered = True
+            self._inbox.arrived.notify()
+
     def _report(self, sample: Sample | None = None) -> None:
         """Hand over what the device has reported; what led to a sample comes before it."""
-        receipts, notices = self.bench.take_receipts(), self.bench.take_notices()
+        try:
+            receipts, notices = self.bench.take_receipts(), self.bench.take_notices()
+        except Exception as error:  # noqa: BLE001 - as in `_read`; its calls are still carried out
+            self._lose(error)
+            return
         settled = [pair for pair in self._pending if pair[0].settled]
         if sample is None and not (receipts or notices or settled):
             return
@@ -147,6 +177,7 @@ class DeviceThread:
         ]
         with self._inbox.arrived:
             self._inbox.receipts += receipts
+            self._inbox.switched += [*(one.receipt for one, _ in settled if one.receipt), *receipts]
             self._inbox.notices += named
             if sample is not None:
                 self._inbox.samples.append((self.name, sample))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from bisect import insort
+from operator import itemgetter
 
-from rigctl.backends.protocol import Reading, Sample
+from rigctl.backends.protocol import CommandReceipt, Reading, Sample
 from rigctl.rig import Rig
 
-#: changes of commands that are remembered, for readings that arrive after them
+#: changes of each command that are remembered, for readings that arrive after them
 _REMEMBERED = 1000
 
 
@@ -29,8 +30,9 @@ class Merging:
         self._nothing = (math.nan,) * len(layout.channels)
         self._newest = list(self._nothing)
         self._commanded = [float(rig.safe_state.get(name, 0.0)) for name in layout.commands]  # once open
-        self._before: deque[tuple[float, int, float]] = deque(maxlen=_REMEMBERED)  # time, column, old value
-        self._read: dict[str, float] = {}  # time of each device's newest reading, s
+        #: of each command since when (s) it has had which value
+        self._changes = [[(-math.inf, value)] for value in self._commanded]
+        self.read_at: dict[str, float] = {}  #: time of each device's newest reading, s
         self._limits: dict[str, float] = {}  # age at which a device's values are none any more, s
         self._changed = self._time = -math.inf
 
@@ -38,29 +40,36 @@ class Merging:
         """Take note of the rate at which the bench is sampled, Hz."""
         self._limits = {name: self._rig.silence_limit(name, rate) for name in self._rig.parts}
 
-    def by_hand(self, actuator: str, value: float, time: float) -> None:
-        """Take note of what the operator has been asked to set."""
-        self._note(time, self._rig.layout.commands.index(actuator), value)
+    def switched(self, receipt: CommandReceipt) -> None:
+        """Take note of a command that has been carried out, before its device is read again."""
+        self._note(receipt.time, self._rig.layout.commands.index(receipt.actuator), receipt.value)
 
-    def sample(self, device: str, sample: Sample, now: float) -> Sample:
-        """Return the sample of the whole bench for a device's own one; `now` in s."""
+    def sample(self, device: str, sample: Sample) -> Sample:
+        """Return the sample of the whole bench for a device's own one."""
         own = list(self._nothing)
         for column, value in zip(self._channels[device], sample.values, strict=True):
             own[column] = self._newest[column] = value
         for column, value in zip(self._commands[device], sample.commands, strict=True):
             self._note(sample.time, column, value)
-        self._read[device] = sample.time
+        self.read_at[device] = sample.time
         self._time = max(self._time, sample.time)  # one that was long under way does not set the time back
         return Sample(
             self._time,
-            self._values(now),
+            self._values(device),
             tuple(self._commanded),
             Reading(device, sample.time, tuple(own), self._commands_at(sample.time)),
         )
 
-    def _values(self, now: float) -> tuple[float, ...]:
-        """Return the newest values that are not too old."""
-        old = [name for name, time in self._read.items() if now - time > self._limits.get(name, math.inf)]
+    def _values(self, read: str) -> tuple[float, ...]:
+        """Return the newest values that are not too old; one that was just read is not, however late.
+
+        Their age is that at the newest reading: what is fetched late, after a stall, is not old.
+        """
+        old = [
+            name
+            for name, time in self.read_at.items()
+            if name != read and self._time - time > self._limits.get(name, math.inf)
+        ]
         if not old:
             return tuple(self._newest)
         values = list(self._newest)
@@ -69,17 +78,22 @@ class Merging:
         return tuple(values)
 
     def _note(self, time: float, column: int, value: float) -> None:
-        if value != self._commanded[column]:
-            self._before.append((time, column, self._commanded[column]))
-            self._changed = max(self._changed, time)
-            self._commanded[column] = value
+        """Take note that a command had a value at a time; receipts and readings come in any order."""
+        changes = self._changes[column]
+        if _at(changes, time) == value:
+            return
+        insort(changes, (time, value), key=itemgetter(0))
+        del changes[:-_REMEMBERED]
+        self._changed = max(self._changed, time)
+        self._commanded[column] = changes[-1][1]
 
     def _commands_at(self, time: float) -> tuple[float, ...]:
         """Return the commands of all devices at a time, which later ones have replaced since."""
         if self._changed <= time:
             return tuple(self._commanded)
-        commands = list(self._commanded)
-        for when, column, before in reversed(self._before):
-            if when > time:
-                commands[column] = before
-        return tuple(commands)
+        return tuple(_at(changes, time) for changes in self._changes)
+
+
+def _at(changes: list[tuple[float, float]], time: float) -> float:
+    """Return the value at a time; the oldest that is known for an earlier one."""
+    return next((value for since, value in reversed(changes) if since <= time), changes[0][1])
