@@ -11,7 +11,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.planning import preview
 from rigctl.planning.line_capacity import line_capacity
-from rigctl.planning.rates import refuse_rates, too_fast
+from rigctl.planning.rates import refuse_rates, refuse_slow_answers, too_fast
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig, load_rig, parse_rig
 
@@ -157,3 +157,29 @@ def test_check_refuses_a_record_that_the_line_cannot_carry(tmp_path: Path) -> No
     assert "monitor_rate: 5 Hz is more than possible: the line carries 3 Hz at most" in refusal(
         "check", str(procedure)
     )
+
+
+def test_a_loop_on_one_of_several_devices_needs_that_device_at_its_rate() -> None:
+    """A record may be faster than a slow device, which then gives fewer readings; a loop on it may not."""
+    rig = load_rig(shipped("rigs", "oil-circuit-devices.yaml"))
+    loop = "{actuator: relief_valve, channel: CHANNEL, to: 20 bar, gain: 1, rate: RATE, for: 1 min}"
+    text = f"procedure: p\nsteps:\n  - control: {loop}\n".replace("CHANNEL", "supply_pressure")
+    slow = rig.parts[rig.device_of("supply_pressure")].fastest
+    assert slow < rig.fastest
+    refuse_rates(expand(parse_procedure(text.replace("RATE", f"{slow:g} Hz")), rig, {}))
+    plan = expand(parse_procedure(text.replace("RATE", f"{2.0 * slow:g} Hz")), rig, {})
+    with pytest.raises(RigctlError, match="Hz is more than plant can be asked for"):
+        refuse_rates(plan)
+    assert any("more than plant can be asked for" in message for _, message in preview(plan).warnings)
+
+
+def test_a_loop_is_not_refused_because_of_a_device_that_it_does_not_read() -> None:
+    rig = load_rig(shipped("rigs", "oil-circuit-devices.yaml"))
+    text = (
+        "procedure: p\nsteps:\n  - control: {actuator: relief_valve, channel: supply_pressure, to: 20 bar, "
+        "gain: 1, rate: 10 Hz, for: 1 min}\n"
+    )
+    plan = expand(parse_procedure(text), rig, {})
+    refuse_slow_answers(plan, 3.0, "meter")
+    with pytest.raises(RigctlError, match="device 'plant' can deliver"):
+        refuse_slow_answers(plan, 3.0, "plant")

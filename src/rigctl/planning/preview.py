@@ -14,7 +14,7 @@ from rigctl.plan.forecast import Basis, State
 from rigctl.planning.bench import ForecastBench, bench_of, initial_state
 from rigctl.planning.board_loops import not_on_board
 from rigctl.planning.limits import LimitUse, limits_used
-from rigctl.planning.rates import too_fast
+from rigctl.planning.rates import controlled, too_fast
 from rigctl.rig import Rig
 from rigctl.wording import number_of
 
@@ -197,7 +197,7 @@ class _Walker(Visitor[PreviewNode]):
             samples=0,
             warning=expected.warning
             or not_on_board(self.bench.rig, node.action)
-            or too_fast(self.bench.rig, node.action.needed_rate)
+            or too_fast(self.bench.rig, node.action.needed_rate, loop_on=controlled(node.action))
             or too_fine(self.bench.rig, node.action),
         )
 

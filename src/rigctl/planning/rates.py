@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from rigctl.backends.registry import options_of_device
 from rigctl.errors import Location, RigctlError
 from rigctl.plan import Leaf, Node, Plan, RecordNode, all_nodes
+from rigctl.plan.action import Action
 from rigctl.planning.line_capacity import line_capacity
 from rigctl.rig import DEVICES, Rig
 
@@ -18,7 +19,11 @@ _MARGIN = 0.25
 
 
 def too_fast(
-    rig: Rig, rate: float, kind: str | None = None, options: Mapping[str, object] | None = None
+    rig: Rig,
+    rate: float,
+    kind: str | None = None,
+    options: Mapping[str, object] | None = None,
+    loop_on: str | None = None,
 ) -> str | None:
     """Why the rig's real bench cannot sample at a rate (Hz); None if it can.
 
@@ -26,8 +31,12 @@ def too_fast(
     ----------
     kind: of the backend, by default the rig's own.
     options: of the backend, where they are other than in the rig file: ``port``, ``baud``.
+    loop_on: the channel of a loop with this rate: of several devices its own has to deliver it.
     """
     kind = kind or rig.kind
+    device = rig.device_of(loop_on) if loop_on is not None and kind == DEVICES else ""
+    if device and rate > rig.parts[device].fastest * (1.0 + _ROUNDING):
+        return f"{rate:g} Hz is more than {device} can be asked for: {rig.parts[device].fastest:g} Hz"
     fastest = rig.fastest_on(kind)
     if rate > fastest * (1.0 + _ROUNDING):
         return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"
@@ -61,8 +70,8 @@ def refuse_rates(plan: Plan, kind: str | None = None, options: Mapping[str, obje
     message = too_fast(plan.rig, plan.rig.monitor_rate, kind, options)
     if message is not None:
         raise RigctlError(f"monitor_rate: {message}", where=Location(plan.rig.path))
-    for node, rate, _ in _rates(plan):
-        message = too_fast(plan.rig, rate, kind, options)
+    for node, rate, _, loop_on in _rates(plan):
+        message = too_fast(plan.rig, rate, kind, options, loop_on)
         if message is not None:
             raise RigctlError(f"{node.label}: {message}", where=node.where)
 
@@ -81,7 +90,9 @@ def refuse_slow_answers(plan: Plan, takes: float, device: str = "") -> None:
     """
     who = f"device '{device}'" if device else "the device"
     hint = f"'fastest' in the description of '{device}' says how often it is read" if device else None
-    for node, wanted, accepted in _rates(plan):
+    for node, wanted, accepted, loop_on in _rates(plan):
+        if loop_on is not None and device not in ("", plan.rig.device_of(loop_on)):
+            continue  # the loop does not read it
         rate = plan.rig.rate_of(device, wanted) if device else wanted
         if rate * takes * (1.0 - accepted) > 1.0 + _MARGIN:
             raise RigctlError(
@@ -92,10 +103,17 @@ def refuse_slow_answers(plan: Plan, takes: float, device: str = "") -> None:
             )
 
 
-def _rates(plan: Plan) -> Iterator[tuple[Node, float, float]]:
-    """Every record and loop, with its rate, Hz, and the share of samples that may be missing."""
+def _rates(plan: Plan) -> Iterator[tuple[Node, float, float, str | None]]:
+    """Every record and loop, with its rate, Hz, the share of samples that may be missing, and of a loop its
+    channel."""
     for node in all_nodes(plan):
         if isinstance(node, RecordNode):
-            yield node, node.rate, node.most_missing
+            yield node, node.rate, node.most_missing, None
         elif isinstance(node, Leaf) and node.action.needed_rate > 0.0:
-            yield node, node.action.needed_rate, 0.0
+            yield node, node.action.needed_rate, 0.0, controlled(node.action)
+
+
+def controlled(action: Action) -> str | None:
+    """Return the channel that an action controls; None if it controls none."""
+    target = action.set_point()
+    return None if target is None else target.channel
