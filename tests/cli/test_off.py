@@ -9,9 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from commands import refusal
 from own_process import begin, rigctl
 from patience import patient
+from rigctl.backends.errors import BackendLost
 from rigctl.files.shipped import shipped
+from rigctl.rig import load_rig, parse_rig
+from rigctl.runner import switch_off as off
+from rigctl.runner.bench_access import Access, addresses_in
+from rigctl.runner.rig_lock import RigLock
 from tclab_board import Served
 from torture import switching_off
 
@@ -67,6 +73,46 @@ def test_rigctls_own_board_is_recognised_from_its_port_alone(tmp_path: Path) -> 
 
 def test_manual_action_is_suggested_before_a_dead_line_times_out(tmp_path: Path) -> None:
     switching_off.dead_line(tmp_path / "project")
+
+
+def test_a_run_of_another_rig_that_has_one_of_the_devices_does_not_speak_for_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has made its own device safe; whether the others are is not known if they are not reached."""
+    rig = load_rig(shipped("rigs", "oil-circuit-devices.yaml"))
+    ports = {"controller": "10.0.0.1:502", "plant": "opc.tcp://10.0.0.2:4840", "meter": "10.0.0.3:5025"}
+    how = Access(runs=tmp_path / "runs", options={"port": ports}, lock_folder=tmp_path / "locks")
+
+    def unreachable(*_: object) -> tuple[str, bool, str]:
+        raise BackendLost("meter: no answer")
+
+    monkeypatch.setattr(off, "_switch_off_here", unreachable)
+    monkeypatch.setattr(off, "send", lambda *_, **__: "ending: outputs are safe first")
+    monkeypatch.setattr(off, "_made_safe", lambda _: True)
+    key = addresses_in(rig, how)["controller"].key
+    for name in ("another rig", rig.name):
+        with RigLock(name, "a run", tmp_path / "locks", key=key) as lock:
+            lock.take_for(tmp_path / "run")
+            if name == rig.name:  # it was given other ports for the rest
+                assert off.switch_off(rig, how).known_by == "the run that has the bench has made it safe"
+            else:
+                with pytest.raises(BackendLost, match="meter: no answer"):
+                    off.switch_off(rig, how)
+
+
+def test_off_says_of_devices_that_are_all_simulated_that_none_is_real(tmp_path: Path) -> None:
+    part = "{unit: V, quantity: voltage, device: "
+    text = "name: two\ndevices: {a: {kind: simulated}, b: {kind: simulated}}\n"
+    text += f"channels: {{va: {part}a}}, vb: {part}b}}}}\nactuators: {{x: {{device: a, kind: switch}}}}\n"
+    rig = parse_rig(text + "safe_state: {x: off}\n")
+    done = off.switch_off(rig, Access(runs=tmp_path / "runs", lock_folder=tmp_path / "locks"))
+    assert "no real one was touched" in done.known_by
+
+
+def test_a_bench_of_one_device_is_not_one_of_several(tmp_path: Path) -> None:
+    rig = shipped("rigs", "tclab-board.yaml")
+    said = refusal("off", "--rig", str(rig), "--backend", "devices", "--port", "/dev/ttyUSB0")
+    assert "has one backend, got 'devices'" in said
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"pid": "x"}', '{"token": 1, "beat": null}', "TYPES"])

@@ -28,4 +28,5 @@ class Lack:
 
     def __str__(self) -> str:
         """The numbers and the share: ``3 of 60 readings of position (5 %)``."""
-        return f"{self.missing} of {self.total} {self.what} ({100.0 * self.share:.2g} %)"
+        digits = 2 if self.share < 0.995 else 3  # 100 has three
+        return f"{self.missing} of {self.total} {self.what} ({100.0 * self.share:.{digits}g} %)"

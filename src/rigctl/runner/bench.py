@@ -442,29 +442,44 @@ class Bench:
 
         An output whose safe state was confirmed at the last contact is still safe, as nothing has been
         commanded since, unless the bench itself commands it in a closed loop, or its device may have switched
-        it on by restarting. Such outputs are named if no other is in doubt.
+        it on by restarting. Such outputs are named if no other of their device is in doubt.
         """
         if self.reachable:
             return None
-        doubts = {
+        doubts = self._doubts
+        told = {self.rig.device_of(name) for name in doubts}
+        others = ", ".join(
+            self._with_device(name)
+            for name in self.rig.safe_state
+            if self.rig.actuators[name].by == "driven"
+            and name not in self._confirmed
+            and self.rig.device_of(name) not in told
+        )
+        if self._unseen_since is None or not others:
+            return self._shown(doubts)
+        seen = f"{self._unseen_since.astimezone():%H:%M:%S}"
+        others += f" (safe when last seen at {seen}; a restart may have switched them on)"
+        return ", ".join(filter(None, (self._shown(doubts), others)))
+
+    @property
+    def _doubts(self) -> dict[str, float]:
+        """The outputs of a bench out of reach that may be driven, with their values."""
+        if self.reachable:
+            return {}
+        return {
             name: value
             for name, value in {**self.commanded, **self.doubtful}.items()
             if self.rig.actuators[name].by == "driven"
             and (value != self.safe_value(name) or name in self._loops)
         }
-        driven = [name for name in self.rig.safe_state if self.rig.actuators[name].by == "driven"]
-        names = ", ".join(self._with_device(name) for name in driven if name not in self._confirmed)
-        if doubts or self._unseen_since is None or not names:
-            return self._shown(doubts)
-        seen = f"{self._unseen_since.astimezone():%H:%M:%S}"
-        return f"{names} (safe when last seen at {seen}; a restart may have switched them on)"
 
     @property
     def never_confirmed(self) -> str | None:
         """The outputs driven by this run whose safe state nothing can confirm, as in `unconfirmed`: the bench
         neither reports them nor answers their commands."""
         known = self.backend.outputs_read | self.backend.outputs_answered
-        return self._shown({name: value for name, value in self._driven.items() if name not in known})
+        told = self._doubts.keys()  # by `unconfirmed`
+        return self._shown({name: value for name, value in self._driven.items() if name not in known | told})
 
     @property
     def safe_on_trust(self) -> str | None:

@@ -125,7 +125,7 @@ def _port(
     texts = [given] if isinstance(given, str) else list(given or ())
     if not texts:
         return None
-    if backend != DEVICES:
+    if backend != DEVICES or not rig.devices:  # the latter is refused when the bench is made
         if len(texts) > 1:
             raise RigctlError("the bench has one device", value=", ".join(texts), expected="one --port")
         return texts[0]

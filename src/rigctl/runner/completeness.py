@@ -19,14 +19,15 @@ class _OfDevice:
 
     A device that is asked for ``r`` samples a second owes ``r (t − t₀) + 1`` from its first sample at t₀ to
     its newest at t, and those between that and the end of the record, unless they may still be on their way.
-    Their times may jitter: only their number counts.
+    Their times may jitter: only their number counts. One without any sample owes those since the record
+    `began`.
     """
 
-    def __init__(self, channels: Mapping[str, int], rate: float, named: str) -> None:
+    def __init__(self, channels: Mapping[str, int], rate: float, named: str, began: float) -> None:
         self._columns = channels
         self._rate = rate
         self._named = named
-        self._first = self._newest = 0.0
+        self._first = self._newest = began
         self._rows = 0
         self._without = dict.fromkeys(channels, 0)
 
@@ -45,7 +46,7 @@ class _OfDevice:
         """Return what is missing at `now`, s: samples, then the readings of each channel."""
         found = []
         seen_until = max(self._newest, now - _LATE - _LATE_PERIODS / self._rate)
-        due = int((seen_until - self._first) * self._rate + 0.5) + 1 if self._rows else 0
+        due = int((seen_until - self._first) * self._rate + 0.5) + bool(self._rows)
         if due > self._rows:
             found.append(Lack(self._named, due - self._rows, due))
         found += [
@@ -62,14 +63,17 @@ class Completeness:
     rig: the bench.
     channels: names of the channels of the record.
     rate: Hz, of the record; a slow device owes fewer samples.
+    began: when it was opened, s.
     """
 
-    def __init__(self, rig: Rig, channels: Iterable[str], rate: float) -> None:
+    def __init__(self, rig: Rig, channels: Iterable[str], rate: float, began: float) -> None:
         columns: dict[str, dict[str, int]] = {device: {} for device in rig.parts}
         for name in channels:
             columns[rig.device_of(name)][name] = rig.layout.columns.index(name)
         self._devices = {
-            device: _OfDevice(own, rig.rate_of(device, rate), f"samples of {device}" if device else "samples")
+            device: _OfDevice(
+                own, rig.rate_of(device, rate), f"samples of {device}" if device else "samples", began
+            )
             for device, own in columns.items()
         }
 

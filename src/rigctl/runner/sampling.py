@@ -156,8 +156,13 @@ class Sampling:
         """Whether all of several devices are there again; otherwise the sample of another one is kept."""
         if self._interlocks.silent_devices <= {sample.device}:
             return True
-        self._interlocks.check(self._row(sample.read), sample.device)  # outputs are safe already
         self.keep(sample)
+        self._faults.pop(sample.device, None)
+        alarms = self._interlocks.check(self._row(sample.read), sample.device)
+        if any(alarm.active and alarm.action == "stop" for alarm in alarms):
+            self._awaited = None  # this ends the run, not only the record
+        if alarms:
+            self._sound(alarms)
         self._collect()
         return False
 
@@ -231,6 +236,8 @@ class Sampling:
         A step that controls an output commands it again itself; the setting of an earlier step or half a move
         cannot be restored. In a record no output may have differed from its command.
         """
+        if self._awaited is not None and self._interlocks.silent_devices:
+            return  # the record is measured again once those are back, too
         if self.repeatable:
             self._end(SamplesLost(self._awaited.reason if self._awaited is not None else notice.message))
         names = notice.fields.get("switched_off")
@@ -259,5 +266,7 @@ class Sampling:
 
     def _end(self, ending: Ending) -> NoReturn:
         self._awaited = None
+        if isinstance(ending, SamplesLost):  # the run continues: a device that is still silent alarms again
+            self._interlocks.silent_devices.clear()
         self._secure(ending)
         raise ending

@@ -287,6 +287,8 @@ class _Session:
             # a bench, or one of its devices, that stays silent trips the interlock for silence
             while bench.read_at.keys() < bench.rig.parts.keys():
                 rows = driver.watch(1.0 / bench.rate) or rows[-1:]
+            if bench.rig.devices:  # rows before a slow device's first reading lack its channels
+                rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate) or rows[-1:]
         except Tripped as tripped:
             tripped.reason = f"not armed: {tripped.reason}"
             raise

@@ -14,7 +14,7 @@ from rigctl.dataset.catalogue import run_folders
 from rigctl.dataset.recording.writer_lock import read_state
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.rig import Rig
+from rigctl.rig import DEVICES, Rig
 from rigctl.runner.bench_access import UNREAL, Access, addresses_in, bench_lock, opened
 from rigctl.runner.operators.remote_control import send
 from rigctl.runner.operators.requests import Request
@@ -58,7 +58,7 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
     RigctlError
         the bench cannot be reached, or its outputs differ from the commands.
     """
-    at_address, holders = _holders(rig, how) if how.exclusive else (None, [])
+    at_address, holders, same = _holders(rig, how) if how.exclusive else (None, [], True)
     folders = holders + [folder for folder in _in_progress(rig, how) if folder not in holders]
     ended, safe = [], set[Path]()
     give_up = monotonic() + _ALL_ANSWERS
@@ -75,7 +75,7 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
         else:
             safe |= {folder} if folder in holders and _made_safe(folder) else set()
         ended.append(f"{folder.name}: {answer}")
-    if (how.backend or rig.kind) in UNREAL:
+    if _unreal(rig, how):
         return _nothing_real(rig, how, folders, ended)
     by_run = SwitchedOff("; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended))
     if at_address is not None and at_address in safe:
@@ -83,10 +83,16 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
     try:
         done, confirmed, known_by = _switch_off_here(rig, how)
     except RigctlError:
-        if holders and safe.issuperset(holders):  # it has another port than that of the rig file
+        if same and holders and safe.issuperset(holders):  # it has another port than that of the rig file
             return by_run
         raise
     return SwitchedOff("; ".join([*ended, done]), confirmed, known_by, tuple(ended))
+
+
+def _unreal(rig: Rig, how: Access) -> bool:
+    """Whether the bench, or each of its devices, exists only in the process that uses it."""
+    kind = how.backend or rig.kind
+    return kind in UNREAL or (kind == DEVICES and all(part.kind in UNREAL for part in rig.parts.values()))
 
 
 def _nothing_real(rig: Rig, how: Access, folders: list[Path], ended: list[str]) -> SwitchedOff:
@@ -97,7 +103,7 @@ def _nothing_real(rig: Rig, how: Access, folders: list[Path], ended: list[str]) 
         known_by = "a run has not said that its outputs are safe"
         done = f"OUTPUTS NOT CONFIRMED SAFE ({known_by})"
         return SwitchedOff("; ".join([*ended, done]), False, known_by, tuple(ended))
-    kind = how.backend or rig.kind
+    kind = how.backend or next(part.kind for part in rig.parts.values())
     known_by = f"a {kind} bench lives in the process that uses it: no real one was touched"
     done = f"outputs are safe: {_safe_state(rig)} ({known_by})"
     return SwitchedOff("; ".join([*ended, done]), True, known_by, tuple(ended))
@@ -116,9 +122,10 @@ def _elsewhere(rig: Rig, how: Access) -> bool:
     return port is not None and port != rig.backend.port
 
 
-def _holders(rig: Rig, how: Access) -> tuple[Path | None, list[Path]]:
-    """The run that has every address of the bench; and all runs that have one, or benches of its name unless
-    another port was given."""
+def _holders(rig: Rig, how: Access) -> tuple[Path | None, list[Path], bool]:
+    """The run that has every address of the bench; all runs that have one, or benches of its name unless
+    another port was given; and whether each of these has this bench: one of another rig knows its outputs
+    only, and its safe state."""
     try:
         at_addresses = bench_lock(rig, "", how).owners()
     except RigctlError:  # no port: a run was given one, and is found by the name of the bench
@@ -129,7 +136,7 @@ def _holders(rig: Rig, how: Access) -> tuple[Path | None, list[Path]]:
     runs = list(dict.fromkeys(Path(one.run) for one in found if one.run))
     whole = {owner.run if owner is not None else "" for owner in at_addresses}
     run = whole.pop() if len(whole) == 1 else ""
-    return Path(run) if run else None, runs
+    return Path(run) if run else None, runs, all(owner.rig == rig.name for owner in found)
 
 
 def _in_progress(rig: Rig, how: Access) -> list[Path]:

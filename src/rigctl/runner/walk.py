@@ -235,7 +235,7 @@ class Walker(Visitor[Waiting]):
             began = bench.record_began = bench.now
             bench.writer.open_record(began, node.name, node.sweep, path, node.rate)
             bench.history.begin_record(began)
-            self._sampling.completeness = Completeness(bench.rig, node.channels, node.rate)
+            self._sampling.completeness = Completeness(bench.rig, node.channels, node.rate, began)
             bench.start(node.rate)
         except Exception as error:  # noqa: BLE001 - as for a step
             ending = ending_for(error, bench)

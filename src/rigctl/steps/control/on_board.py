@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from contextlib import suppress
 from dataclasses import dataclass
 
 from rigctl.errors import RigctlError
@@ -103,7 +104,8 @@ class ControlOnBoard(Control):
             yield from self._monitor(bench, watch)
             yield from bench.stop_regulating(self.actuator)
         finally:  # any other ending has made the outputs safe before, and thereby ended the loop
-            state = bench.loop_state()
+            with suppress(RigctlError):  # a bench that does not answer has its own ending
+                state = bench.loop_state()
             bench.regulated.discard(self.actuator)
             bench.need_rate(0.0)
             self._keep_figures(bench, state)

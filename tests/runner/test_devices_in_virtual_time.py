@@ -1,0 +1,169 @@
+"""Runs on a bench of two devices, each with gaps and faults at given times, without real time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from rigctl.backends.combined.merging import Merging
+from rigctl.backends.errors import OutputsNotSafe
+from rigctl.backends.protocol import Backend, CommandReceipt, Notice, PendingCommand, Sample
+from rigctl.rig import Rig, parse_rig
+from rigctl.runner.bench import Bench
+from rigctl.runner.completeness import Completeness
+from rigctl.runner.operators.automatic_operator import AutomaticOperator
+from rigctl.runner.recent_samples import History
+from rigctl.runner.recorder import Unrecorded
+from rigctl.testing import RunLog, ScriptedClock, VirtualBench
+
+RIG = """\
+name: two
+monitor_rate: 10 Hz
+stale_after: 1 s
+devices:
+  a: {kind: simulated}
+  b: {kind: simulated}
+channels:
+  va: {device: a, unit: V, quantity: voltage}
+  vb: {device: b, unit: V, quantity: voltage}
+actuators:
+  x: {device: a, kind: switch}
+  y: {device: b, kind: switch}
+safe_state: {x: off, y: off}
+limits:
+  too_high: {channel: vb, above: 5 V, action: stop}
+"""
+RECORD = "steps:\n  - record: {name: r, rate: 10 Hz, retries: 1}\n    do: [wait: 5 s]\n"
+
+
+@dataclass
+class Part:
+    """A device: whether it is silent at a time, and what it reads."""
+
+    silent: Callable[[float], bool] = lambda _: False
+    value: Callable[[float], float] = lambda _: 1.0
+    first: float = 0.0  # s, until which it has not been read
+    due: float = 0.0
+    commands: dict[str, float] = field(default_factory=dict)
+
+
+class InVirtualTime:
+    """A bench of several devices whose samples are made when they are due."""
+
+    timed = True
+    without_host = "nothing"
+    identity: Mapping[str, str] = {"kind": "devices"}
+
+    def __init__(self, rig: Rig, clock: ScriptedClock) -> None:
+        self.rig, self.clock = rig, clock
+        self.devices: Mapping[str, Backend] = {}
+        self.parts = {name: Part() for name in rig.parts}
+        self.outputs_read = self.outputs_answered = frozenset(rig.actuators)
+        self.notices: list[Notice] = []
+        self.unsafe: OutputsNotSafe | None = None
+        self._merging = Merging(rig)
+        self._rate = 10.0
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def start(self, rate: float) -> None:
+        self._merging.start(rate)
+        self._rate = rate
+
+    def next_sample(self, timeout: float) -> Sample | None:
+        give_up = self.clock.now() + timeout
+        while True:
+            name, part = min(self.parts.items(), key=lambda one: one[1].due)
+            if part.due > give_up:
+                self.clock.sleep_until(give_up)
+                return None
+            time, part.due = part.due, part.due + 1.0 / self._rate
+            self.clock.sleep_until(time)
+            if time < part.first or part.silent(time):
+                continue
+            commands = tuple(part.commands.get(one, 0.0) for one in self.rig.parts[name].layout.commands)
+            return self._merging.sample(name, Sample(time, (part.value(time),), commands))
+
+    def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
+        self.parts[self.rig.device_of(actuator)].commands[actuator] = value
+        return PendingCommand.answered(CommandReceipt(self.clock.now(), actuator, value))
+
+    def take_receipts(self) -> list[CommandReceipt]:
+        return []
+
+    def take_notices(self) -> list[Notice]:
+        taken, self.notices = self.notices, []
+        return taken
+
+    def safe(self) -> None:
+        if self.unsafe is not None:
+            raise self.unsafe
+        for part in self.parts.values():
+            part.commands.clear()
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return parse_rig(RIG)
+
+
+@pytest.fixture
+def bench(rig: Rig) -> InVirtualTime:
+    return InVirtualTime(rig, ScriptedClock())
+
+
+def run(bench: InVirtualTime, folder: Path, steps: str = RECORD) -> RunLog:
+    return VirtualBench(folder).run(steps, rig=bench.rig, backend=bench)
+
+
+def test_a_limit_that_is_exceeded_while_a_device_is_awaited_ends_the_run(
+    bench: InVirtualTime, tmp_path: Path
+) -> None:
+    """It used to be lost: the watch had raised its alarm, and raised no other."""
+    bench.parts["a"].silent = lambda time: 2.0 < time < 12.0
+    bench.parts["b"].value = lambda time: 9.0 if time > 6.0 else 1.0
+    done = run(bench, tmp_path)
+    assert done.result.status == "failed"
+    assert "vb is 9 V, above the limit of 5 V" in str(done.result.reason)
+    assert bench.clock.now() < 12.0
+
+
+def test_a_gap_of_one_device_does_not_end_the_wait_for_another(bench: InVirtualTime, tmp_path: Path) -> None:
+    bench.parts["a"].silent = lambda time: 2.0 < time < 12.0
+    bench.clock.at(5.0, lambda: bench.notices.append(Notice(5.0, "gap", "b: samples lost", {"device": "b"})))
+    done = run(bench, tmp_path)
+    assert done.result.status == "finished", done.result.reason
+    assert [outcome for _, outcome in done.records] == ["interrupted", "complete"]
+    assert bench.clock.now() > 12.0 + 5.0
+
+
+def test_the_first_readings_of_a_slow_device_are_waited_for(bench: InVirtualTime, tmp_path: Path) -> None:
+    """Rows before them used to count as readings without a value: not armed, sensor broken."""
+    bench.parts["b"].first = 0.15
+    done = run(bench, tmp_path, "steps: [wait: 1 s]\n")
+    assert done.result.status == "finished", done.result.reason
+
+
+def test_a_device_without_any_reading_is_missing_in_a_record(rig: Rig) -> None:
+    counted = Completeness(rig, ["va", "vb"], 10.0, 100.0)
+    for number in range(51):
+        time = 100.0 + number / 10.0
+        counted.add((time, 0.0, 1.0, math.nan, 0.0, 0.0), "a", possible=True)
+    assert [str(lack) for lack in counted.lacks(105.0)] == ["43 of 43 samples of b (100 %)"]
+    assert counted.lacks(100.5) == []  # they may still be on their way
+
+
+def test_each_device_without_contact_is_named_with_its_outputs(bench: InVirtualTime) -> None:
+    """Also one whose outputs were safe when it was last seen, beside one with an output that may be on."""
+    bench.unsafe = OutputsNotSafe("nothing answers", {"x": 1.0}, bench.clock.date())
+    writer = Unrecorded(lambda *_: None)
+    seen = Bench(bench.rig, bench, writer, AutomaticOperator(), History({"a": {}, "b": {}}, 0.0))
+    seen.make_safe("a test")
+    assert seen.unconfirmed is not None
+    assert seen.unconfirmed.startswith("a: x on, b: y (safe when last seen at ")
