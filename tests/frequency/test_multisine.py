@@ -49,3 +49,7 @@ def test_a_seed_gives_another_signal_and_always_the_same() -> None:
 
 
 PHASES_OF_SEED_1 = (0.003875, 2.488842, 4.154011)
+
+
+def test_thousands_of_harmonics_are_computed_once() -> None:
+    assert low_crest_phases(range(1, 300)) is low_crest_phases(list(range(1, 300)))

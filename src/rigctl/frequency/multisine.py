@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -50,6 +51,12 @@ def low_crest_phases(harmonics: Sequence[int], seed: int | None = None) -> Phase
     seed: start from random phases; by default the best of Schroeder's and of some random ones is returned,
         since his are good for neighbouring harmonics only. The result depends on nothing else.
     """
+    return _low_crest(tuple(harmonics), seed)
+
+
+@lru_cache(maxsize=64)
+def _low_crest(harmonics: tuple[int, ...], seed: int | None) -> Phases:
+    """Kept, since planning, preview and run ask for the same, and thousands of harmonics take seconds."""
     orders = np.asarray(harmonics)
     size = 1 << int(_POINTS * orders[-1] - 1).bit_length()
     if seed is not None:
