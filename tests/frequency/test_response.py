@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -254,3 +255,92 @@ def test_a_single_step_has_no_period() -> None:
 def test_a_record_that_is_too_short_has_no_response() -> None:
     times = np.arange(0.0, 1.0, 0.05)
     assert estimate([Signals(times, (telegraph(1, 1.0),), np.zeros((times.size, 1)))]) is None
+
+
+@pytest.mark.parametrize("periodic", [False, True], ids=["windows", "periods"])
+@pytest.mark.parametrize("kind", ["lag", "resonance", "none"])
+def test_lines_that_are_sound_are_those_of_a_plant_driven_by_one_command_per_sample(
+    kind: str, periodic: bool
+) -> None:
+    """The command's images at the sampling rate fold onto each line, and always in the same way."""
+    step, rate = 0.1, 2.0 * np.pi
+    system = {
+        "lag": ([1.0], [0.7, 1.0]),
+        "resonance": ([rate**2], [1.0, 0.2 * rate, rate**2]),
+        "none": ([1.0], [1.0]),
+    }[kind]
+    rng = np.random.default_rng(0)
+    values = np.tile(rng.standard_normal(400), 6) if periodic else rng.standard_normal(20_000)
+    times = step * np.arange(values.size)
+    above, below, _ = signal.cont2discrete(system, step)
+    output = signal.lfilter(np.ravel(above), below, values)
+    found = estimate([Signals(times, (Held(times, values),), output[:, None])])
+    assert found is not None and bool(found.periods) == periodic
+    folded = found.folded(found.responses[0])
+    sound = found.excited & ~folded
+    truth = signal.freqs(*system, 2.0 * np.pi * found.frequencies[sound])[1]
+    assert np.abs(np.abs(found.responses[0].gain[sound] / truth) - 1.0).max() < 0.03
+    assert folded[found.excited & (found.frequencies > 3.0)].all()
+    assert not folded[found.excited & (found.frequencies < 0.08 / step)].any()
+    # a response that falls steeply answers little beyond: its resonance at 1 Hz is not hidden
+    assert sound[np.argmin(np.abs(found.frequencies - 1.0))] == (kind == "resonance")
+
+
+def test_of_two_interleaved_multisines_each_excites_its_own_lines() -> None:
+    times = np.arange(0.0, 50.0, 0.05)
+    one, other = multisine(range(1, 40, 2), 10.0, 20.0, 5), multisine(range(2, 41, 2), 10.0, 20.0, 5)
+    output = answer_to(one, lag_with_dead_time, times) - 3.0 * answer_to(other, resonance, times)
+    for inputs, first in (((one, other), 1), ((other, one), 2)):
+        found = estimate([Signals(times, inputs, output[:, None])])
+        assert found is not None
+        excited = np.round(10.0 * found.frequencies[found.excited])
+        assert excited[:20].tolist() == list(range(first, 41, 2))
+        truth = RESPONSES["lag"][1] if first == 1 else lambda f: -3.0 * RESPONSES["resonance"][1](f)
+        at = np.flatnonzero(found.excited)[:12]
+        gain = found.responses[0].gain[at]
+        assert gain == pytest.approx(truth(found.frequencies[at]), rel=0.03)
+
+
+def test_the_least_coherence_holds_with_other_inputs_too() -> None:
+    rng = np.random.default_rng(11)
+    above = []
+    for _ in range(40):
+        u, v, w, y = rng.standard_normal((4, 4000))
+        found = estimate([Signals(np.arange(4000) * 0.1, (u, v, w), y[:, None])])
+        assert found is not None and found.inputs == 3
+        above.append(np.mean(found.responses[0].coherence[found.excited] > found.least_coherence))
+    assert 0.004 < np.mean(above) < 0.016
+
+
+def test_a_drift_over_the_periods_is_no_response() -> None:
+    """Even where most lines are fitted, which leave little to tell a straight line by."""
+    rng = np.random.default_rng(12)
+    values = np.tile(rng.standard_normal(400), 6)
+    times = 0.1 * np.arange(values.size)
+    lag = signal.lfilter([0.0, 0.2], [1.0, -0.8], values)
+    plain, drifting = (
+        estimate([Signals(times, (Held(times, values),), (lag + drift)[:, None])])
+        for drift in (0.0, 0.05 * times)
+    )
+    assert plain is not None and drifting is not None and plain.left_out > 0
+    assert drifting.responses[0].gain == pytest.approx(plain.responses[0].gain, rel=1e-3)
+
+
+def test_a_record_that_is_mostly_gaps_has_no_periods() -> None:
+    """Pairs of samples 1 ns apart would otherwise be sought in 1e10 steps."""
+    times = (np.arange(0.0, 10.0, 0.05)[:, None] + [0.0, 1e-9]).ravel()
+    assert find_periods(Signals(times, (telegraph(1, 10.0),), np.zeros((times.size, 1)))) is None
+
+
+def test_long_periods_take_no_more_than_pieces_of_memory() -> None:
+    tracemalloc.start()
+    values = np.tile(np.random.default_rng(13).standard_normal(1000), 3)
+    times = 0.001 * np.arange(300_000)
+    command = Held(0.1 * np.arange(values.size), values)
+    output = signal.lfilter([1e-3], [1.0, -0.999], command.means(times + 5e-4, 1e-3))
+    found = estimate([Signals(times, (command,), output[:, None])])
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found is not None and len(found.periods[0].starts) == 2
+    assert found.frequencies.size == 400 and found.left_out > 100
+    assert most < 250e6

@@ -14,6 +14,8 @@ from commands import answer, refusal, told
 from rigctl.analysis.fitting import fit_to_data, read_runs
 from rigctl.analysis.frequency_response import frequency_responses, responses_of_fit
 from rigctl.cli.commands.init import create_project
+from rigctl.dataset import open_run
+from rigctl.errors import RigctlError
 from rigctl.model.load import load_model
 from rigctl_validation.real.logs import FOLDER_VARIABLE, data_folder, find_log
 from rigctl_validation.real.tables import training_lines
@@ -198,6 +200,8 @@ def test_wrong_calls_are_one_message_each(here: Path) -> None:
     for words, said in [
         (["--resolution", "3 s"], "wrong dimension"),
         (["--resolution", "0.1 mHz"], "too short for a frequency response"),
+        (["--resolution", "0 Hz"], "0 Hz"),
+        (["--resolution", "2 Hz"], "too coarse for these records, got '2 Hz'; expected at most 0.625 Hz"),
         (["--only", "record +"], "record"),
         (["--only", "record == 7"], "no record is chosen by this"),
         (["--only", "record"], "chosen by a condition"),
@@ -206,6 +210,60 @@ def test_wrong_calls_are_one_message_each(here: Path) -> None:
     ]:
         assert said in refusal("frequency", "latest", *words)
     assert told("frequency", "latest", "--only", "record == 1")
+
+
+def test_the_resolution_of_a_call_from_python_is_checked_too(here: Path) -> None:
+    project(here, periodic(2)[:700])
+    (folder,) = Path().rglob("run.json")
+    with pytest.raises(RigctlError, match="a resolution is a frequency above zero"):
+        frequency_responses([open_run(folder.parent)], resolution=0.0)
+
+
+@pytest.mark.parametrize("apart", [1e-9, 0.04], ids=["coincident", "apart"])
+def test_devices_with_rows_of_their_own_give_the_same_as_common_rows(here: Path, apart: float) -> None:
+    force = periodic(3)
+    project(here, force)
+    (alone,) = answer("frequency", "latest")["responses"]
+    rig = (RIG % "").replace("actuators:", "  room: {unit: m, quantity: position}\nactuators:")
+    Path("rigs/swing.yaml").write_text(rig, encoding="utf-8")
+    lines = Path("log.csv").read_text(encoding="utf-8").splitlines()
+    rows = [lines[0] + ",room [m]"]
+    for number, line in enumerate(lines[1:]):
+        pushed = line.split(",")[1]
+        time = STEP * number + apart
+        rows += [line + ",", f"{time:.10f},{pushed},,{np.sin(0.7 * number):.6f}"]
+    Path("two.csv").write_text("\n".join(rows), encoding="utf-8")
+    told("import", "two.csv", "--rig", "rigs/swing.yaml")
+    (found,) = answer("frequency", "latest", "--channel", "position")["responses"]
+    assert (found["segments"], found["period"]) == (alone["segments"], pytest.approx(alone["period"]))
+    # a command is logged in more rows, and its changes are known better
+    assert np.abs(gains(found["lines"])) == pytest.approx(np.abs(gains(alone["lines"])), rel=0.01)
+    # a channel of one device as the input of another's
+    (of_reading,) = answer("frequency", "latest", "--input", "room", "--channel", "position")["responses"]
+    assert of_reading["lines"]
+
+
+def test_a_page_is_written_without_a_frequency_response_that_fails(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_memory(*_: object) -> None:
+        raise MemoryError("Unable to allocate 74.5 GiB")
+
+    project(here, periodic(3))
+    monkeypatch.setattr("rigctl.analysis.frequency_response.estimate", without_memory)
+    told("compare", "latest", "--model", "models/swing.yaml", "-o", "page.html")
+    assert "could not be estimated: Unable to allocate 74.5 GiB" in Path("page.html").read_text("utf-8")
+
+
+def test_a_model_that_ignores_the_input_is_said_to(here: Path) -> None:
+    project(here, periodic(4))
+    family = Path("families/swing.yaml")
+    text = family.read_text(encoding="utf-8")
+    family.write_text(text.replace("(force - stiff", "(0*force - stiff"), encoding="utf-8")
+    words = ("frequency", "latest", "--model", "models/swing.yaml", "--no-fit", "-v", "-o", "page.html")
+    said = told(*words)
+    assert "there the model's position does not follow force (by less than a thousandth" in said
+    assert "inf" not in said and "nan" not in said
 
 
 @pytest.mark.skipif(FOLDER_VARIABLE not in os.environ, reason="published logs are not part of the project")

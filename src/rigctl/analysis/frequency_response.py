@@ -9,7 +9,7 @@ all of that cancels where the model is right.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
@@ -20,7 +20,7 @@ from rigctl.analysis.decision_levels import ALPHA
 from rigctl.dataset.run import Record, Run
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.expressions import parse, type_of_unit
-from rigctl.frequency.response import Response, Spectrum, estimate
+from rigctl.frequency.response import SHORTEST, Response, Spectrum, estimate
 from rigctl.frequency.signals import Floats, Held, Signals
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.fit import FitResult
@@ -33,6 +33,8 @@ Mask = NDArray[np.bool_]
 _CONSTANT: Final = 1e-9
 #: sampling intervals that differ by less than this share are taken together
 _ALIKE: Final = 0.1
+#: intervals of a measured input from its nearest reading up to which it is interpolated
+_NEAR: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -90,13 +92,18 @@ class FrequencyResponse:
 
     @cached_property
     def shown(self) -> Mask:
-        """(f) excited lines with more coherence than chance gives; none if it may give all of them."""
+        """(f) excited lines with more coherence than chance gives, not `folded`; none if it may give all."""
         excited = self.spectrum.excited
         lowest = float(np.min(self.measured.p_value[excited], initial=1.0))
         if lowest * int(excited.sum()) > ALPHA:
             return np.zeros_like(excited)
         known = np.nan_to_num(self.measured.coherence)
-        return np.asarray(excited & (known > self.spectrum.least_coherence))
+        return np.asarray(excited & (known > self.spectrum.least_coherence) & ~self.folded)
+
+    @cached_property
+    def folded(self) -> Mask:
+        """(f) excited lines at which samples also show the answer to frequencies beyond half their rate."""
+        return self.spectrum.folded(self.measured)
 
     @property
     def band(self) -> tuple[float, float]:
@@ -118,7 +125,8 @@ class FrequencyResponse:
         at = np.flatnonzero(self.differing & self.shown)
         if self.predicted is None or not at.size:
             return None
-        ratio = np.abs(np.log(self.predicted.gain[at] / self.measured.gain[at]))
+        with np.errstate(divide="ignore"):  # a model's that does not follow is 0
+            ratio = np.abs(np.log(self.predicted.gain[at] / self.measured.gain[at]))
         return int(at[np.argmax(ratio)])
 
     def document(self) -> dict[str, Any]:
@@ -139,6 +147,7 @@ class FrequencyResponse:
             "averages": spectrum.averages,
             "resolution": spectrum.resolution,
             "least_coherence": spectrum.least_coherence,
+            "lines_left_out": spectrum.left_out,
             "lines": [self._line(k) for k in np.flatnonzero(spectrum.excited).tolist()],
         }
 
@@ -150,6 +159,7 @@ class FrequencyResponse:
             "radius": finite_or_none(float(self.radius(measured)[k])),
             "coherence": finite_or_none(float(measured.coherence[k])),
             "shown": bool(self.shown[k]),
+            "folded": bool(self.folded[k]),
         }
         if self.predicted is not None:
             line["of_model"] = _polar(self.gain(self.predicted)[k])
@@ -197,7 +207,8 @@ def frequency_responses(
     Raises
     ------
     RigctlError
-        a name or condition is wrong, the input does not move, or the records are too short or uneven.
+        a name, condition or resolution is wrong, the input does not move, or the records are too short or
+        uneven.
     """
     return _responses(_of_runs(runs, only, input_name), input_name, output_name, resolution)
 
@@ -337,6 +348,8 @@ def _responses(
         raise unknown_name("input", input_name, series.inputs)
     if output_name is not None and output_name not in series.outputs:
         raise unknown_name("output", output_name, series.outputs)
+    if resolution is not None and not 0.0 < resolution < np.inf:
+        raise RigctlError("a resolution is a frequency above zero", value=f"{resolution:g} Hz")
     moving = [name for name, each in series.inputs.items() if any(map(_moves, each))]
     if input_name is not None and input_name not in moving:
         hint = f"Inputs that move: {', '.join(moving)}" if moving else None
@@ -379,6 +392,12 @@ def _response(
         )
     usual = float(np.median([signals[k].interval for k in even]))
     alike = [k for k in even if abs(signals[k].interval - usual) <= _ALIKE * usual]
+    if resolution is not None and resolution * usual * SHORTEST > 1.0:
+        raise RigctlError(
+            "this resolution is too coarse for these records",
+            value=f"{resolution:g} Hz",
+            expected=f"at most {1.0 / (usual * SHORTEST):.3g} Hz, windows of {SHORTEST} samples",
+        )
     spectrum = estimate([signals[k] for k in alike], resolution)
     if spectrum is None:
         raise RigctlError(
@@ -400,13 +419,32 @@ def _response(
 
 
 def _signals(times: Floats, inputs: Sequence[Held | Floats], outputs: Floats) -> Signals:
-    """The signals of a record; a sample that a measured input lacks is left out."""
-    signals = Signals(times, tuple(inputs), outputs)
-    for k, values in enumerate(inputs):
-        if isinstance(values, Held) or np.isfinite(values).all():
+    """The signals of a record, in the rows that have a reading of the output: other devices' have none."""
+    rows = np.asarray(np.isfinite(outputs).all(axis=1), dtype=np.bool_)
+    at, left = times[rows], outputs[rows]
+    given: list[Held | Floats] = []
+    for values in inputs:
+        if isinstance(values, Held):
+            given.append(values)
             continue
-        good = np.isfinite(values)
-        filled = np.interp(times, times[good], values[good]) if good.any() else np.zeros(times.size)
-        given = (*signals.inputs[:k], filled, *signals.inputs[k + 1 :])
-        signals = replace(signals, inputs=given, outputs=np.where(good[:, None], signals.outputs, np.nan))
-    return signals
+        known, filled = _at(times, values, rows)
+        given.append(filled)
+        left = np.where(known[:, None], left, np.nan)
+    return Signals(at, tuple(given), left)
+
+
+def _at(times: Floats, values: Floats, rows: Mask) -> tuple[Mask, Floats]:
+    """Where a measured input is known in the rows of an output, and its values there.
+
+    A row that lacks it is left out; one of another device, which has rows of its own, is interpolated.
+    """
+    good, at = np.isfinite(values), times[rows]
+    if not good.any():
+        return good[rows], np.zeros(at.size)
+    own = times[good]
+    filled = np.interp(at, own, values[good])
+    if 2 * int((good & rows).sum()) >= at.size or own.size < 2:
+        return good[rows], filled
+    following = np.clip(np.searchsorted(own, at), 1, own.size - 1)
+    distance = np.minimum(np.abs(own[following] - at), np.abs(at - own[following - 1]))
+    return np.asarray(distance <= _NEAR * float(np.median(np.diff(own)))), filled

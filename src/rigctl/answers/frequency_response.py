@@ -20,6 +20,9 @@ _three, _two = partial(significant, digits=3), partial(significant, digits=2)
 _fixed_two = "{:.2f}".format
 _signed = partial(significant, digits=2, sign=True)
 
+#: a model's gain below this share of the measured one is none
+_NO_GAIN = 1e-3
+
 #: how to read the estimates
 READING = (
     "magnitude in dB of the output's unit per unit of the input, phase in degrees; the coherence is the "
@@ -127,7 +130,8 @@ def _row(one: FrequencyResponse, k: int) -> dict[str, Any]:
         "coherence": float(one.measured.coherence[k]),
     }
     if one.predicted is not None:
-        row["more"], row["later"] = _apart(one, k)
+        more, later = _apart(one, k)
+        row |= {"more": more, "later": later} if np.isfinite(more) else {}
     return row
 
 
@@ -137,9 +141,11 @@ def decibels(ratio: float) -> float:
 
 
 def _apart(one: FrequencyResponse, k: int) -> tuple[float, float]:
-    """Model over measured: dB, and degrees from -180 to 180."""
+    """Model over measured: dB, and degrees from -180 to 180; -inf and NaN where the model does not follow."""
     assert one.predicted is not None  # noqa: S101 - asked for responses of a model only
     ratio = one.predicted.gain[k] / one.measured.gain[k]
+    if abs(ratio) < _NO_GAIN:
+        return -np.inf, np.nan
     return decibels(abs(ratio)), float(np.degrees(np.angle(ratio)))
 
 
@@ -153,6 +159,11 @@ def _worst(one: FrequencyResponse) -> str:
         return ", none of which the measured output shows"
     more, later = _apart(one, one.worst)
     where = _three(float(one.spectrum.frequencies[one.worst]))
+    if not np.isfinite(more):
+        not_at_all = "(by less than a thousandth of the measured gain)"
+        return (
+            f", most at {where} Hz: there the model's {one.output} does not follow {one.input} {not_at_all}"
+        )
     return f", most at {where} Hz: the model's is {_signed(more)} dB and {_signed(later)} deg off"
 
 
@@ -160,11 +171,25 @@ def _lines(one: FrequencyResponse) -> str:
     excited, shown = int(one.spectrum.excited.sum()), int(one.shown.sum())
     whole = one.spectrum.frequencies.size
     text = f"{excited} of {whole} excited" if excited < whole else number_of(excited, "line")
-    hidden = excited - shown
-    if not hidden or not shown:
+    if one.spectrum.left_out:
+        text += f", the strongest; {one.spectrum.left_out} weaker ones are left out"
+    if not shown:
         return text
-    least = _fixed_two(one.spectrum.least_coherence)
-    return f"{text}; {hidden} not shown, where a coherence below {least} is no evidence of any response"
+    folded = int(one.folded.sum())
+    hidden = excited - shown - folded
+    if hidden:
+        least = _fixed_two(one.spectrum.least_coherence)
+        text += f"; {hidden} not shown, where a coherence below {least} is no evidence of any response"
+    return text + (f"; {folded} not shown, {_why_folded(one)}" if folded else "")
+
+
+def _why_folded(one: FrequencyResponse) -> str:
+    """Where the samples of the output are too far apart."""
+    above = _three(float(one.spectrum.frequencies[one.folded][0]))
+    return (
+        f"from {above} Hz on: {one.input} also has frequencies beyond half the sampling rate, "
+        f"and samples every {_three(one.spectrum.interval)} s do not tell what follows those"
+    )
 
 
 def _segments(one: FrequencyResponse) -> str:
@@ -186,6 +211,8 @@ def _segments(one: FrequencyResponse) -> str:
 def _why_none(one: FrequencyResponse) -> str:
     if not one.spectrum.excited.any():
         return f"{one.input} does not move by itself, without {listed(one.others)}"
+    if one.folded.all(where=one.spectrum.excited):
+        return _why_folded(one)
     return "no line has a coherence that chance would not give"
 
 

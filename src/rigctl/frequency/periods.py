@@ -5,12 +5,13 @@ alone. Over one period these are found without leakage: of a command by the inte
 
     U_n = 2/T sum_j u_j int exp(-2 pi i n t/T) dt,
 
-of samples by least squares with a straight line beside them, which also needs no equal distances.
+of samples by least squares with a straight line beside them, which also needs no equal distances. Where lines
+have to be left out, the straight line would take their part: its slope is then that of the periods' means.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -35,6 +36,10 @@ _SETTLING: Final = 3
 _WEAK, _ROWS = 1e-3, 1.2
 #: most lines that are fitted, the strongest; and difference of times, in periods, up to which they are alike
 _MOST_LINES, _ALIKE = 400, 1e-7
+#: most of rows times squared lines, the work of a fit; and rows that are worked on at once
+_WORK, _PIECE = 2e10, 4096
+#: longest record whose periods are looked for, in intervals per sample: the rest of it is gaps
+_SPARSE: Final = 8
 #: share by which the diagonal of the equations is raised, so that missing samples leave them solvable
 _RIDGE: Final = 1e-12
 #: share of half the sampling rate up to which lines are fitted
@@ -53,6 +58,8 @@ class Periods:
 def find_periods(signals: Signals) -> Periods | None:
     """The periods of a record whose inputs repeat; None if they do not, or fill less than half of it."""
     step = signals.interval
+    if signals.times[-1] - signals.times[0] > _SPARSE * signals.times.size * step:
+        return None
     even = np.arange(signals.times[0], signals.times[-1] + 0.5 * step, step)
     values = _normal(signals, even)
     for lag in _lags(values):
@@ -144,33 +151,44 @@ def _running_means(values: Floats, beside: int) -> Floats:
 
 @dataclass(frozen=True)
 class Lines:
-    """Amplitudes of each period: inputs (periods, lines, i), outputs (periods, lines, m)."""
+    """Amplitudes of each segment: inputs (segments, lines, i), outputs (segments, lines, m).
+
+    `images` (segments, lines, 2) are those of the first input at a sampling rate above and below each line,
+    which samples of the output do not tell from it; 0 of a measured input. `left_out` lines are not fitted.
+    """
 
     frequencies: Floats
     inputs: Complex
     outputs: Complex
+    images: Complex
+    left_out: int = 0
 
 
 def period_lines(signals: Sequence[Signals], periods: Sequence[Periods]) -> Lines:
     """The lines at the multiples of 1/period that the inputs contain, in every period of all records."""
     length = float(np.mean([one.length for one in periods]))
-    chosen = _excited(signals, periods, length)
-    every = [(one, start) for one, each in zip(signals, periods, strict=True) for start in each.starts]
-    solver = _Solver(length, chosen)
-    outputs = [solver.fitted(one.times, one.outputs, start) for one, start in every]
-    known = [k for k, one in enumerate(outputs) if one is not None]
-    inputs = [
-        np.stack([_of_input(one, k, start, solver) for k in range(len(one.inputs))], axis=-1)
-        for one, start in (every[k] for k in known)
-    ]
-    if not known:
+    chosen, left_out = _excited(signals, periods, length)
+    solver = _Solver(length, chosen, straight=not left_out)
+    inputs, outputs, images = [], [], []
+    for one, each in zip(signals, periods, strict=True):
+        found = solver.settled(one.times, one.outputs, each.starts)
+        given = [_of_input(one, k, each.starts, solver) for k in range(len(one.inputs))]
+        for number, start in enumerate(each.starts):
+            amplitudes = found[number]
+            if amplitudes is None:
+                continue
+            outputs.append(amplitudes)
+            inputs.append(np.stack([of_one[number] for of_one in given], axis=-1))
+            images.append(_images(one, start, solver))
+    if not outputs:
         empty = np.empty((0, chosen.size, 1), dtype=np.complex128)
-        return Lines(chosen, empty, empty)
-    return Lines(chosen, np.stack(inputs), np.stack([one for one in outputs if one is not None]))
+        return Lines(chosen, empty, empty, empty)
+    return Lines(chosen, np.stack(inputs), np.stack(outputs), np.stack(images), left_out)
 
 
-def _excited(signals: Sequence[Signals], periods: Sequence[Periods], length: float) -> Floats:
-    """The frequencies that the inputs contain in a period of each record, of too many the strongest."""
+def _excited(signals: Sequence[Signals], periods: Sequence[Periods], length: float) -> tuple[Floats, int]:
+    """The frequencies that the inputs contain in a period of each record, of too many the strongest; and how
+    many are left out."""
     nyquist = 0.5 / max(one.interval for one in signals)
     rows = min(int(length / one.interval) for one in signals)
     count = max(int(_BELOW_NYQUIST * nyquist * length), 1)
@@ -180,51 +198,99 @@ def _excited(signals: Sequence[Signals], periods: Sequence[Periods], length: flo
         values = np.column_stack([one.input_values(k, times) for k in range(len(one.inputs))])
         energy += np.abs(np.fft.rfft(values, axis=0)[1 : count + 1]) ** 2
     kept = np.flatnonzero((energy >= _WEAK**2 * energy.max(axis=0)).any(axis=1))
-    most = max(min(int(rows / (2.0 * _ROWS)) - 1, _MOST_LINES), 1)
-    if kept.size > most:
+    most = max(min(int(rows / (2.0 * _ROWS)) - 1, int((_WORK / rows) ** 0.5), _MOST_LINES), 1)
+    left_out = max(kept.size - most, 0)
+    if left_out:
         kept = np.sort(kept[np.argsort(-energy[kept].max(axis=1))[:most]])
-    return np.asarray((kept + 1.0) / length, dtype=np.float64)
+    return np.asarray((kept + 1.0) / length, dtype=np.float64), left_out
 
 
 class _Solver:
     """Fits lines to the samples of a period; periods that are sampled alike share the equations."""
 
-    def __init__(self, length: float, frequencies: Floats) -> None:
-        self.length, self.frequencies = length, frequencies
+    def __init__(self, length: float, frequencies: Floats, *, straight: bool) -> None:
+        self.length, self.frequencies, self.straight = length, frequencies, straight
         self._since: Floats = np.empty(0)
-        self._solve: Floats = np.empty((0, 0))
+        self._equations: Floats = np.empty((0, 0))
 
-    def fitted(self, times: Floats, values: Floats, start: float) -> Complex | None:
-        """(lines, m) amplitudes of samples (n, m) in one period; None if too many are missing."""
+    def settled(self, times: Floats, values: Floats, starts: Sequence[float]) -> list[Complex | None]:
+        """(lines, m) amplitudes of samples (n, m) in each period of a record, without its drift; None if too
+        many samples are missing."""
+        each = [self._fitted(times, values, start) for start in starts]
+        known = [k for k, one in enumerate(each) if one is not None]
+        if self.straight or len(known) < 2:
+            return [None if one is None else one[0][:, :-1] for one in each]
+        means = np.array([one[1][:-1] for one in each if one is not None])
+        slopes = dict(zip(known, np.gradient(means, np.asarray(starts)[known], axis=0), strict=True))
+        # the last column is what a slope of 1 looks like
+        return [
+            None if one is None else one[0][:, :-1] - one[0][:, -1:] * slopes[k] for k, one in enumerate(each)
+        ]
+
+    def _fitted(self, times: Floats, values: Floats, start: float) -> tuple[Complex, Floats] | None:
+        """Amplitudes (lines, m + 1) and means (m + 1) of samples in one period, and of a rising line."""
         inside = (times >= start) & (times < start + self.length) & np.isfinite(values).all(axis=1)
         since = times[inside] - start
         count = self.frequencies.size
-        if since.size < 2 * count + 2:
+        unknowns = 2 * count + 1 + self.straight
+        if since.size <= unknowns:
             return None
-        if since.size != self._since.size or not np.allclose(since, self._since, 0.0, _ALIKE * self.length):
-            self._since, self._solve = since, self._equations(since)
-        found = self._solve @ values[inside]
-        return np.asarray(found[:count] + 1j * found[count : 2 * count])
+        known = since.size == self._since.size and np.allclose(since, self._since, 0.0, _ALIKE * self.length)
+        seen = np.column_stack([values[inside], since - 0.5 * self.length])
+        equations, right = np.zeros((unknowns, unknowns)), np.zeros((unknowns, seen.shape[1]))
+        for piece, design in self._designs(since):
+            right += design.T @ seen[piece]
+            if not known:
+                equations += design.T @ design
+        if not known:
+            # nearly orthogonal columns: the normal equations are well conditioned, and faster for many lines
+            equations[np.diag_indices_from(equations)] *= 1.0 + _RIDGE
+            self._since, self._equations = since, equations
+        found = np.linalg.solve(self._equations, right)
+        return found[:count] + 1j * found[count : 2 * count], found[2 * count]
 
-    def _equations(self, since: Floats) -> Floats:
-        """(unknowns, n) what makes amplitudes of samples."""
-        angle = 2.0 * np.pi * np.outer(since, self.frequencies)
-        ones = np.ones((since.size, 1))
-        design = np.hstack([np.cos(angle), -np.sin(angle), ones, since[:, None] / self.length])
-        # nearly orthogonal columns: the normal equations are well conditioned, and faster for many lines
-        equations = design.T @ design
-        equations[np.diag_indices_from(equations)] *= 1.0 + _RIDGE
-        return np.asarray(np.linalg.solve(equations, design.T))
+    def _designs(self, since: Floats) -> Iterator[tuple[slice, Floats]]:
+        """Rows of the equations, piece by piece: those of a long period need gigabytes."""
+        for begin in range(0, since.size, _PIECE):
+            times = since[begin : begin + _PIECE]
+            angle = 2.0 * np.pi * np.outer(times, self.frequencies)
+            line = np.column_stack([np.ones(times.size), times / self.length])[:, : 1 + self.straight]
+            yield slice(begin, begin + _PIECE), np.hstack([np.cos(angle), -np.sin(angle), line])
 
 
-def _of_input(signals: Signals, index: int, start: float, solver: _Solver) -> Complex:
-    """(lines) amplitudes of one input in one period."""
-    values, frequencies = signals.inputs[index], solver.frequencies
+def _of_input(signals: Signals, index: int, starts: Sequence[float], solver: _Solver) -> list[Complex]:
+    """(lines) amplitudes of one input in each period."""
+    values = signals.inputs[index]
+    if isinstance(values, Held):
+        return [_integral(values, start, solver.length, solver.frequencies) for start in starts]
+    none = np.zeros(solver.frequencies.size, dtype=np.complex128)
+    found = solver.settled(signals.times, values[:, None], starts)
+    return [none if one is None else one[:, 0] for one in found]
+
+
+def _images(signals: Signals, start: float, solver: _Solver) -> Complex:
+    """(lines, 2) amplitudes of the first input that the samples in a period show as those of the lines."""
+    values = signals.inputs[0]
     if not isinstance(values, Held):
-        found = solver.fitted(signals.times, values[:, None], start)
-        return np.zeros(frequencies.size, dtype=np.complex128) if found is None else found[:, 0]
-    edges, levels = values.between(start, start + solver.length)
+        return np.zeros((solver.frequencies.size, 2), dtype=np.complex128)
+    rate = 1.0 / signals.interval
+    since = float(signals.times[np.searchsorted(signals.times, start)]) - start
+    both = [
+        # as of the first sample: only there the phases of a line and its image are the same
+        _integral(values, start, solver.length, solver.frequencies + one) * np.exp(2j * np.pi * one * since)
+        for one in (rate, -rate)
+    ]
+    return np.stack(both, axis=-1)
+
+
+def _integral(command: Held, start: float, length: float, frequencies: Floats) -> Complex:
+    """(lines) amplitudes of a command in one period."""
+    edges, levels = command.between(start, start + length)
     steps = np.diff(levels, append=levels[0])
+    ends = edges[1:] - start
     # integrated by parts: each step of the command contributes at its own time, the last at the end
-    turned = np.exp(-2j * np.pi * np.outer(frequencies, edges[1:] - start))
-    return np.asarray((turned @ steps) / (1j * np.pi * frequencies * solver.length))
+    total = np.zeros(frequencies.size, dtype=np.complex128)
+    for begin in range(0, ends.size, _PIECE):
+        piece = slice(begin, begin + _PIECE)
+        total += np.exp(-2j * np.pi * np.outer(frequencies, ends[piece])) @ steps[piece]
+    return np.asarray(total / (1j * np.pi * frequencies * length))

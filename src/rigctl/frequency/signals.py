@@ -1,12 +1,11 @@
 """Signals whose spectra are estimated: commands that hold, and samples at nearly equal distances.
 
-A command changes between two samples. Its value at a sample would be late by half an interval on average; its
-mean over the interval around the sample is not late, and is smaller than it by ``sinc(f h)``, which is known.
+A command changes at any time. By its values at the samples it would be late, and its frequencies beyond half
+the sampling rate would fold onto those below: it is given by means over fine parts of the sampling interval.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, TypeAlias
@@ -22,6 +21,8 @@ _GAP: Final = 1.5
 _UNEVEN: Final = 0.25
 #: most missing samples in a row that are interpolated
 _BRIDGED: Final = 3
+#: parts of a sampling interval over each of which a command is averaged
+FINE: Final = 8
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,14 @@ class Signals:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples at equal distances without a gap: times (n), inputs (n, i), outputs (n, m)."""
+    """Samples at equal distances without a gap: times (n), outputs (n, m).
+
+    An input is (n, `FINE`), the means of a command in the parts of the interval after each sample, or (n, 1),
+    values at the samples.
+    """
 
     times: Floats
-    inputs: Floats
+    inputs: tuple[Floats, ...]
     outputs: Floats
 
 
@@ -114,13 +119,16 @@ def stretches(signals: Signals, interval: float) -> list[Stretch]:
         first, last = float(times[inside[0]]), float(times[inside[-1]])
         even = np.linspace(first, last, max(round((last - first) / interval), 1) + 1)
         columns = [np.interp(even, times[inside], outputs[inside, k]) for k in range(outputs.shape[1])]
-        inputs = [signals.input_values(k, even) for k in range(len(signals.inputs))]
-        found.append(Stretch(even, np.column_stack(inputs), np.column_stack(columns)))
+        step = (last - first) / (even.size - 1)
+        inputs = tuple(_fine(signals, k, even, step) for k in range(len(signals.inputs)))
+        found.append(Stretch(even, inputs, np.column_stack(columns)))
     return found
 
 
-def held_gain(signals: Sequence[Signals], index: int, frequencies: Floats) -> Floats:
-    """(f) by how much the means of an input are smaller than it: ``sinc(f h)`` for a command, else 1."""
-    if isinstance(signals[0].inputs[index], Held):
-        return np.asarray(np.sinc(frequencies * signals[0].interval))
-    return np.ones(frequencies.size)
+def _fine(signals: Signals, index: int, times: Floats, step: float) -> Floats:
+    """An input of a stretch."""
+    values = signals.inputs[index]
+    if not isinstance(values, Held):
+        return signals.input_values(index, times)[:, None]
+    middles = times[:, None] + step * (np.arange(FINE) + 0.5) / FINE
+    return values.means(middles.ravel(), step / FINE).reshape(middles.shape)

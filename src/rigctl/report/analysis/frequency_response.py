@@ -54,12 +54,13 @@ def frequency_of_model(fitted: FitResult, name: str) -> list[Section]:
     if fitted.problem.measurements.table:
         return []
     try:
-        found = responses_of_fit(fitted, name)
-    except RigctlError as error:
-        body = page_blocks([Sentence(str(error))])
+        return frequency_sections(responses_of_fit(fitted, name), folded=True)
+    except (RigctlError, ArithmeticError, MemoryError, ValueError) as error:
+        # the page is about the fit, and must not be lost with a part of it; numpy raises the others
+        why = str(error) if isinstance(error, RigctlError) else f"it could not be estimated: {error}"
+        body = page_blocks([Sentence(why)])
         hint = "these records do not show one"
         return [Section("frequency", "Frequency response", body, folded=True, hint=hint)]
-    return frequency_sections(found, folded=True)
 
 
 def bode_plot(one: FrequencyResponse, key: str = "frequency") -> Plot:
@@ -79,7 +80,9 @@ def bode_plot(one: FrequencyResponse, key: str = "frequency") -> Plot:
         size = 20.0 * np.log10(np.abs(gain))
         lower = size + 20.0 * np.log10(np.where(share < 1.0, 1.0 - share, np.nan))
         turn = np.degrees(np.arcsin(np.minimum(share, 1.0)))
-        of_model_size = None if model is None else 20.0 * np.log10(np.abs(model))
+        of_model_size = (
+            None if model is None else 20.0 * np.log10(np.abs(np.where(model == 0.0, np.nan, model)))
+        )
     upper = size + 20.0 * np.log10(1.0 + share)
     coherence = np.where(shown, one.measured.coherence[inside], np.nan)
     least = np.full(at.size, one.spectrum.least_coherence)
