@@ -124,7 +124,7 @@ def test_a_member_whose_complement_cannot_be_fitted_is_ranked_with_its_own_param
         effects=("first", "valve_leakage"),
         candidates=(chosen[0], held),
         amplitudes=lambda _: np.array([4e-15]),
-        value=lambda _: (4e-15, 1e-16),
+        reported=lambda _: (4e-15, 1e-16),
         fit=SimpleNamespace(problem=SimpleNamespace(shared=()), values=np.empty(0)),
     )
     score = _score_beside(search, found, "valve_leakage")

@@ -25,6 +25,8 @@ BEFORE: Any = SimpleNamespace(
     adequacy=Adequacy({"chi2": Test(0.0, 0.5)}),
     sensors=None,
     explained_by=None,
+    contradicted=False,
+    rejected_if_exact=None,
     bounds=(),
     undetermined=(),
     fit=SimpleNamespace(solution=None),

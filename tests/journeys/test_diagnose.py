@@ -43,7 +43,7 @@ def test_the_hidden_effect_is_found_and_reduces_the_error() -> None:
 
     values = {one["name"]: one for one in answer("model", "show", model)["parameters"]}
     found = values["valve_leakage.conductance"]
-    assert 0.0 < found["std"] < 0.1 * found["value"]
+    assert 0.0 < found["std"] < 0.3 * found["value"]  # with sensors as uncertain as the rig file says
     assert found["from"].startswith("fitted")
     history = answer("model", "history", model)
     assert [version["kind"] for version in history["versions"]] == ["start", "add"]

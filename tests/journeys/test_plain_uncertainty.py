@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from commands import answer, told
+from rigctl.model.fit import stated_errors
 
 Floats = NDArray[np.float64]
 FAMILY = """
@@ -123,6 +124,28 @@ def test_a_number_added_to_the_model_file_has_it_too(tmp_path: Path) -> None:
         stored = answer("model", "show", "models/lag.yaml")
     of_gain = next(one for one in stored["parameters"] if one["name"] == "gain")
     assert of_gain["std"] == pytest.approx(plain["parameters"]["gain"]["std"], rel=0.01)
+
+
+def test_a_smaller_step_is_tried_where_the_model_has_no_value_beside_an_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = numbers(compared(tmp_path / "plain", drive="plain"))
+    difference = stated_errors._difference
+
+    def refused(*arguments: Any) -> Any:
+        return None if arguments[-1] > 0.05 * STATED else difference(*arguments)
+
+    monkeypatch.setattr(stated_errors, "_difference", refused)
+    assert numbers(compared(tmp_path / "smaller", drive="plain")) == pytest.approx(plain, rel=0.01)
+
+
+def test_a_number_whose_sensor_cannot_be_accounted_for_has_no_standard_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stated_errors, "_difference", lambda *_: None)
+    plain = compared(tmp_path, drive="plain")
+    assert [plain["parameters"][name]["std"] for name in NUMBERS] == [None] * len(NUMBERS)
+    assert plain["uncertainty_budget"] == []
 
 
 def test_more_readings_do_not_make_a_number_more_certain_than_its_sensor(tmp_path: Path) -> None:

@@ -41,8 +41,8 @@ def test_a_procedure_gives_the_same_records_on_three_benches(
 ) -> None:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    for name, value in own_state(tmp_path / "state").items():
-        monkeypatch.setenv(name, value)
+    for variable, value in own_state(tmp_path / "state").items():
+        monkeypatch.setenv(variable, value)
     simulated = carried_out(name, "--backend", "simulated", "--seed", "3")
     emulated = carried_out(name, "--backend", "emulated", "--seed", "4")
     replayed = carried_out(name, "--backend", "replay", emulated.id)

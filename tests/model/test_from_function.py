@@ -196,6 +196,10 @@ def in_time(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
     return {**motor_rates(t, x, u, p), "speed": x.speed * t}
 
 
+def at_a_time(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
+    return {**motor_rates(t, x, u, p), "speed": 0.0 if t == 0.0 else x.speed}
+
+
 def with_math(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
     return {**motor_rates(t, x, u, p), "speed": math.sqrt(x.speed)}
 
@@ -229,6 +233,7 @@ def failing(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
     [
         (branching, "may not branch"),
         (in_time, "may not depend on the time itself"),
+        (at_a_time, "may not depend on the time itself"),
         (with_math, "Take numpy's functions"),
         (with_a_corner, r"may not have the corners of numpy\.sign"),
         (with_an_integral, r"numpy\.arctan2 takes no symbols"),
@@ -263,6 +268,9 @@ def test_what_has_no_equation_is_refused_in_one_message(
         ({"parameters": {**MOTOR["parameters"], "damping": ("1 N*m*s", "2 bar", "3 bar")}}, "bar"),
         ({"parameters": {**MOTOR["parameters"], "spare": ("1 kg", "0 kg", "2 kg")}}, "spare"),
         ({"outputs": {"current": "A", "speed": "flurbs"}}, "flurbs"),
+        ({"outputs": {"current": "A", "speed": None}}, "'speed' has no unit"),
+        ({"states": {**MOTOR["states"], "current": ()}}, "'current' is declared without a quantity"),
+        ({"states": {**MOTOR["states"], "current": None}}, "'current' is declared without a quantity"),
     ],
 )
 def test_a_wrong_declaration_is_refused_by_name(changes: dict[str, Any], message: str) -> None:

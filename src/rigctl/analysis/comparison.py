@@ -166,8 +166,10 @@ def _with_sensors_in_question(compared: ModelComparison, on_progress: OnProgress
     if uncertain and fitted.solution is not None and not (tests.adequate or tests.unusable):
         wrong = _if_sensors_may_be_wrong(compared, on_progress)
         if wrong is not None:
-            if wrong.adequacy.agrees or _open_with_sensors(compared, wrong):
+            if wrong.adequacy.agrees:
                 return wrong
+            if _open_with_sensors(compared, wrong):
+                return replace(wrong, rejected_if_exact=compared.adequacy.p_value)
             compared = replace(compared, with_sensor_errors=wrong)
     if tests.sensors is not None and (tests.only_misread or (tests.sensors.matters and tests.agrees)):
         report = on_progress or no_progress

@@ -76,6 +76,8 @@ class ModelComparison:
     with_sensor_errors: where only an uncertainty of sensors is stated, and the model with exact ones does not
         agree, the comparison with their errors; it is answered only where with exact ones no effect explains
         what is left.
+    rejected_if_exact: of a comparison that is open with errors of sensors, the p-value with which a test
+        rejects the model with exact ones.
     slopes: for a model with effects, the derivatives at its fit, until a diagnosis linearises it with the
         discrepancies of their laws.
     """
@@ -92,6 +94,7 @@ class ModelComparison:
     exact: ModelComparison | None = field(default=None, repr=False)
     with_sensor_errors: ModelComparison | None = field(default=None, repr=False)
     slopes: KnownSlopes | None = field(default=None, repr=False)
+    rejected_if_exact: float | None = None
 
     @property
     def cells(self) -> CellMap:
@@ -215,7 +218,10 @@ class ModelComparison:
             return self.sensors.recalibration
         if not self.adequacy.undecided or self.adequacy.unusable:
             return ()
-        return what_decides(self.fit, self.adequacy.unproven)
+        of_sensors = (
+            () if self.rejected_if_exact is None or self.sensors is None else self.sensors.recalibration
+        )
+        return (*what_decides(self.fit, self.adequacy.unproven), *of_sensors)
 
     def channels(self) -> dict[str, dict[str, Any]]:
         """The errors by channel, in the channels' units."""

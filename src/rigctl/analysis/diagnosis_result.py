@@ -290,7 +290,7 @@ class Diagnosis:
         """The verdict as a short title."""
         if self.verdict is Verdict.MISSING_EFFECT and len(self.effects) > 1:
             return f"{len(self.effects)} effects are missing"
-        if self.doubt or self.verdict is Verdict.UNDECIDED:
+        if self.contradicted or self.doubt or self.verdict is Verdict.UNDECIDED:
             return "Not decided"
         if self.before.adequacy.only_misread and not self.effects:
             exact = self.with_exact_sensors

@@ -57,7 +57,7 @@ def _of_tests(model: ModelComparison) -> str:
     if adequacy.unusable:
         return _unusable_text(model.fit, name)
     if adequacy.undecided:
-        return undecided_text(model.fit, name, adequacy.unproven)
+        return undecided_text(model.fit, name, adequacy.unproven) + _with_exact(model)
     if adequacy.adequate:
         return _agreement(model)
     text = f"{name} does not agree with the measurements ({chance})"
@@ -66,6 +66,15 @@ def _of_tests(model: ModelComparison) -> str:
         text += f": {100 * worst.share_of_error:.0f} % of the systematic error is in {worst.label}"
     direction = direction_text(model.trends)
     return f"{text}. {direction}" if direction else text
+
+
+def _with_exact(model: ModelComparison) -> str:
+    if model.rejected_if_exact is None:
+        return ""
+    exact = chance_text(model.rejected_if_exact)
+    return (
+        f". Errors of sensors, within what is stated, are a part of it: a test rejects exact ones ({exact})"
+    )
 
 
 def _agreement(model: ModelComparison) -> str:
@@ -77,7 +86,7 @@ def _agreement(model: ModelComparison) -> str:
     suspicious = model.located.suspicious
     if suspicious is not None:
         return f"{text}, but {record_level_text(suspicious)}"
-    return f"{text}: these data show nothing that it lacks"
+    return text if model.contradicted else f"{text}: these data show nothing that it lacks"
 
 
 def direction_text(candidates: Sequence[Trend]) -> str:

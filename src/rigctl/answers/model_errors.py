@@ -29,7 +29,7 @@ def error_bars(steps: Sequence[tuple[str, ModelError]], *, changed: bool = False
         what = "; bars without the noise" if noise else ""
         width = max(len(label) for label, _, _ in values)
         bars = tuple(
-            Bar(f"{label:<{width}}  {kind}".strip(), size / largest, significant(value))
+            Bar(f"{label:<{width}}  {kind}".rstrip(), size / largest, significant(value))
             for (label, kind, value), size in zip(values, sizes, strict=True)
         )
         title = f"{channel}, root mean square error{f' [{unit}]' if unit else ''}{what}"

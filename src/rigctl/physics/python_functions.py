@@ -75,7 +75,8 @@ class _Time:
 
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
     __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __float__ = __array_ufunc__ = _refuse
-    __lt__ = __le__ = __gt__ = __ge__ = __bool__ = _refuse
+    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __bool__ = _refuse
+    __hash__ = object.__hash__
 
 
 def family_from_functions(
@@ -116,7 +117,7 @@ def family_from_functions(
                 outputs=tuple(
                     OutputVariable(
                         one,
-                        si_unit(unit),
+                        si_unit(_unit_of(one, unit)),
                         _Formula(readings, "reading", one, tuple(outputs), *known),
                         "",
                         shown=unit,
@@ -194,13 +195,22 @@ def _called(
 def _split(name: str, written: Declared, most: int, expected: str) -> tuple[Quantity, tuple[Any, ...]]:
     """A quantity, and what was declared beside it."""
     alone = isinstance(written, str | float | int)
-    first, *rest = [written] if alone else list(written)  # type: ignore[arg-type]
+    parts = [written] if alone else list(written) if isinstance(written, Sequence) else []
+    if not parts:
+        raise RigctlError(f"'{name}' is declared without a quantity", value=repr(written), expected=expected)
+    first, *rest = parts
     if len(rest) > most:
         raise RigctlError(f"'{name}' is declared with too much", value=repr(written), expected=expected)
     try:
         return parse_quantity(first), tuple(rest)  # type: ignore[arg-type]
     except RigctlError as problem:
         raise RigctlError(f"'{name}': {problem.what}", value=str(first), expected=expected) from problem
+
+
+def _unit_of(name: str, written: str) -> str:
+    if not isinstance(written, str):
+        raise RigctlError(f"'{name}' has no unit", value=repr(written), expected='e.g. "rad/s", or "1"')
+    return written
 
 
 def _state(name: str, written: Declared, rate: Callable[[Scope], Scalar]) -> StateVariable:

@@ -4,9 +4,11 @@ To a fitted model f a free correction is added, linear in β:
 
     y ≈ f(t) + Φ(t)·β
 
-The features Φ are made of the inputs and of the model's own predictions: each at once, low-pass filtered
-with four time constants, squared, multiplied by the others, and as a smooth sign of its change. They imitate
-lags, dead times, saturations, couplings and friction without knowing any of them. β is found by ridge
+The features Φ are made of the inputs up to the sample before, and of the model's own predictions: each as it
+is, low-pass filtered with four time constants, squared, multiplied by the others, and as a smooth sign of its
+change. They imitate lags, dead times, saturations, couplings and friction without knowing any of them. An
+input of the same sample is not among them: a controller computes it from that reading, noise and all.
+β is found by ridge
 regression in whitened rows, in which noise as it was estimated is independent; ten parts of the data are left
 out in turn and predicted. Where the error there falls, the model lacks something that the inputs explain,
 whether or not any effect of the library does. Where it does not, no more was found, which is no proof.
@@ -35,6 +37,8 @@ Floats = NDArray[np.float64]
 _FOLDS, _FEWEST = 10, 300
 #: with as many records, whole ones are left out; of fewer, stretches of each
 _RECORDS = 20
+#: a record of so few samples has no course
+_SHORTEST = 3
 #: low-pass filters of each signal, with time constants from two samples to a third of the record
 _FILTERS = 4
 #: signals beyond which products are not formed
@@ -46,6 +50,8 @@ _LEVEL, _LEAST = 1e-3, 0.05
 #: the same where the slow part of the noise is not known, which neighbouring stretches predict too
 _LEAST_BESIDE_SLOW_NOISE = 0.5
 _TINY = 1e-30
+#: readings beyond which the regression sees only every so many, and beyond which there is none
+_MANY, _MOST = 50_000, 200_000
 #: features are whitened in pieces of as many columns, which keeps long records within memory
 _COLUMNS = 8
 
@@ -84,11 +90,12 @@ class AchievableError:
     def document(self) -> dict[str, Any]:
         """Its machine-readable form, in the channel's unit."""
         unit = parse_unit(self.unit)
+        factor = 1.0 if unit.offset else unit.factor  # a difference of temperatures is in kelvin
         return {
             "channel": self.channel,
-            "model": self.model / unit.factor,
-            "free": self.free / unit.factor,
-            "noise": self.noise / unit.factor,
+            "model": self.model / factor,
+            "free": self.free / factor,
+            "noise": self.noise / factor,
             "unit": "K" if unit.offset else self.unit,
             "share": self.share,
             "p_value": self.p_value,
@@ -97,18 +104,25 @@ class AchievableError:
 
 
 def achievable_errors(fit: FitResult) -> tuple[AchievableError, ...]:
-    """Of each channel with enough readings in the fitted records; none for a table of single values."""
-    measurements = fit.problem.measurements
-    if measurements.table or not fit.fitted:
+    """Of each channel with enough readings in the fitted records; none for single values, or for hundreds of
+    thousands of rows."""
+    measurements, problem = fit.problem.measurements, fit.problem
+    used = [k for k in fit.fitted if not problem.records[k].row and problem.records[k].times.size > _SHORTEST]
+    if measurements.table or sum(problem.records[k].times.size for k in used) > _MOST:
         return ()
-    features = _features(fit)
-    tried = [
-        (channel, _rows(fit, features, channel))
-        for channel, name in enumerate(measurements.outputs)
-        if name in fit.errors
+    counts = [
+        sum(int(problem.ok[k][:, channel].sum()) for k in used)
+        for channel in range(len(measurements.outputs))
     ]
-    enough = [(channel, rows) for channel, rows in tried if rows.residual.size >= _FEWEST]
-    return tuple(_achievable(fit, channel, rows, len(enough)) for channel, rows in enough)
+    enough = [channel for channel, count in enumerate(counts) if count >= _FEWEST]
+    if not enough:
+        return ()
+    features = _features(fit, used)
+    # one after the other: those of long records do not fit into memory for all channels at once
+    return tuple(
+        _achievable(fit, channel, _rows(fit, used, features, channel, counts[channel]), len(enough))
+        for channel in enough
+    )
 
 
 @dataclass(frozen=True)
@@ -189,14 +203,14 @@ def _cross_validated(rows: _Rows) -> tuple[Floats, Floats]:
     return found
 
 
-def _rows(fit: FitResult, features: Sequence[Floats], channel: int) -> _Rows:
-    """Those of one channel, whitened as its noise is."""
+def _rows(fit: FitResult, used: Sequence[int], features: Sequence[Floats], channel: int, count: int) -> _Rows:
+    """Those of one channel, whitened as its noise is; of very many every so many."""
     problem, parts = fit.problem, []
-    records = len(fit.fitted)
-    for place, (index, of_record) in enumerate(zip(fit.fitted, features, strict=True)):
+    every = -(-count // _MANY)
+    for place, (index, of_record) in enumerate(zip(used, features, strict=True)):
         record, ok, whitener = problem.records[index], problem.ok[index], problem.whiteners[index]
         error = np.where(ok, fit.outputs[index] - np.where(ok, record.values, 0.0), 0.0)
-        here = whitener.rows[:, 1] == channel
+        here = np.flatnonzero(whitener.rows[:, 1] == channel)[::every]
         samples = whitener.rows[here, 0]
         white = np.empty((samples.size, of_record.shape[1]))
         for first in range(0, of_record.shape[1], _COLUMNS):
@@ -204,7 +218,7 @@ def _rows(fit: FitResult, features: Sequence[Floats], channel: int) -> _Rows:
             alone = np.zeros((*error.shape, piece.shape[1]))
             alone[:, channel] = piece
             white[:, first : first + _COLUMNS] = whitener(alone)[here]
-        if records >= _RECORDS:
+        if len(used) >= _RECORDS:
             fold = np.full(samples.size, place % _FOLDS)
         else:
             fold = (place + samples * _FOLDS // len(error)) % _FOLDS
@@ -212,18 +226,15 @@ def _rows(fit: FitResult, features: Sequence[Floats], channel: int) -> _Rows:
     return _Rows(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def _features(fit: FitResult) -> list[Floats]:
-    """(n, p) Φ of each fitted record, each column with a spread of 1 over all of them."""
-    records = [fit.problem.records[k] for k in fit.fitted]
-    signals = [
-        np.column_stack(
-            [
-                *(record.input_course(k) for k in range(len(fit.problem.measurements.inputs))),
-                np.nan_to_num(fit.outputs[index]),
-            ]
-        )
-        for index, record in zip(fit.fitted, records, strict=True)
-    ]
+def _features(fit: FitResult, used: Sequence[int]) -> list[Floats]:
+    """(n, p) Φ of each record, each column with a spread of 1 over all of them."""
+    records = [fit.problem.records[k] for k in used]
+    signals = []
+    for index, record in zip(used, records, strict=True):
+        courses = [record.input_course(k) for k in range(len(fit.problem.measurements.inputs))]
+        inputs = np.column_stack([*courses, np.empty((record.times.size, 0))])
+        before = np.vstack([inputs[:1], inputs[:-1]])
+        signals.append(np.column_stack([before, np.nan_to_num(fit.outputs[index])]))
     scaled = _scaled(signals)
     every = [_of_signals(record.times, each) for record, each in zip(records, scaled, strict=True)]
     return [np.column_stack([np.ones(len(each)), each]) for each in _scaled(every)]
@@ -239,8 +250,9 @@ def _scaled(columns: Sequence[Floats]) -> list[Floats]:
 
 def _of_signals(times: Floats, signals: Floats) -> Floats:
     """(n, p) what is made of (n, m) signals of a record."""
-    step = float(np.median(np.diff(times)))
-    constants = np.geomspace(2.0 * step, max((times[-1] - times[0]) / 3.0, 4.0 * step), _FILTERS)
+    duration = float(times[-1] - times[0])
+    step = duration / (times.size - 1)
+    constants = np.geomspace(2.0 * step, max(duration / 3.0, 4.0 * step), _FILTERS)
     slow = [_low_passed(times, signals, float(constant), step) for constant in constants]
     change = signals - slow[0]
     size = np.sqrt(np.mean(change**2, axis=0))
@@ -251,14 +263,17 @@ def _of_signals(times: Floats, signals: Floats) -> Floats:
 
 
 def _low_passed(times: Floats, signals: Floats, constant: float, step: float) -> Floats:
-    """Each signal behind a first-order lag, at rest at its first value; on an even grid, and back."""
+    """Each signal behind a first-order lag, at rest at its first value.
+
+    On an even grid of as many points, which holds the last value, and back from the last point of the grid:
+    wherever samples are irregular, nothing of a later one is in the value of an earlier one.
+    """
     from scipy.signal import lfilter
 
-    grid = np.arange(times[0], times[-1] + step, step)
+    grid = times[0] + step * np.arange(times.size)
+    held = np.maximum(np.searchsorted(times, grid, side="right") - 1, 0)
+    last = np.maximum(np.searchsorted(grid, times, side="left") - 1, 0)
     pole = math.exp(-step / constant)
-    result = np.empty_like(signals)
-    for k in range(signals.shape[1]):
-        even = np.interp(grid, times, signals[:, k])
-        lagged, _ = lfilter([1.0 - pole], [1.0, -pole], even, zi=[pole * even[0]])
-        result[:, k] = np.interp(times, grid, lagged)
-    return result
+    even = signals[held]
+    lagged, _ = lfilter([1.0 - pole], [1.0, -pole], even, axis=0, zi=pole * even[:1])
+    return np.asarray(lagged[last])

@@ -87,7 +87,7 @@ def fit_power(law: EstimatedLaw, trial: RefittedSet) -> PowerLaw | None:
         effect=effect,
         terms=terms,
         exponent=float(refitted.values[names.index(name)]),
-        std=refitted.reported_std[name],
+        std=refitted.std[name],
         fit=refitted,
         gain=2.0 * (trial.fit.solution.cost - refitted.solution.cost),
     )

@@ -27,6 +27,10 @@ from rigctl.model.reading_errors import CalibrationError, ReadingError
 
 Floats = NDArray[np.float64]
 
+#: steps of the differences by an input's error that are tried in turn, in its standard deviations: a model
+#: may have no value for an input that is negative
+_STEPS = (1.0, 0.1, 0.01)
+
 
 @dataclass(frozen=True)
 class StatedErrors:
@@ -48,8 +52,7 @@ class StatedErrors:
 
 
 def stated_errors(problem: Problem, shared: Floats, local: Sequence[Floats]) -> StatedErrors:
-    """What the stated errors of exact sensors do to a fit; nothing if the model cannot be simulated with
-    them.
+    """What the stated errors of exact sensors do to a fit; an infinite shift if it cannot be computed.
 
     Parameters
     ----------
@@ -61,19 +64,22 @@ def stated_errors(problem: Problem, shared: Floats, local: Sequence[Floats]) -> 
     if not errors or not shared.size:
         return none
     blocks = problem.evaluate(shared, local, derivatives=True)
-    columns = _columns(problem, errors, shared, local)
-    if isinstance(blocks, Refused) or columns is None:
+    if isinstance(blocks, Refused):
         return none
+    columns, lost = _columns(problem, errors, shared, local)
     slopes = slopes_of_minimum(blocks, columns, problem.shared, problem.local_unknowns(), shared, local)
-    return StatedErrors(errors, slopes * np.array([one.std for one in errors]))
+    shifts = slopes * np.array([one.std for one in errors])
+    # what cannot be computed is not zero: no number is then said to be known better than it is
+    shifts[:, lost] = np.inf
+    return StatedErrors(errors, shifts)
 
 
 def _columns(
     problem: Problem, errors: Sequence[ReadingError], shared: Floats, local: Sequence[Floats]
-) -> list[Floats] | None:
-    """(values, errors) the derivatives K of each record, whitened; None if it cannot be simulated."""
+) -> tuple[list[Floats], list[int]]:
+    """(values, errors) the derivatives K of each record, whitened; and those that cannot be computed."""
     outputs = problem.outputs_at(shared, local)
-    columns = [np.zeros((*each.shape, len(errors))) for each in outputs]
+    columns, lost = [np.zeros((*each.shape, len(errors))) for each in outputs], []
     for k, error in enumerate(errors):
         if not isinstance(error, CalibrationError):
             continue
@@ -84,28 +90,36 @@ def _columns(
                     column[:, channel, k] = error.basis(each[:, channel])
         else:
             moved = _by_input(problem, error, shared, local)
-            if moved is None:
-                return None
-            for column, each in zip(columns, moved, strict=True):
+            lost += [k] if moved is None else []
+            for column, each in zip(columns, moved or (), strict=moved is not None):
                 column[:, :, k] = each
-    return [whitener(column) for whitener, column in zip(problem.whiteners, columns, strict=True)]
+    return [whitener(column) for whitener, column in zip(problem.whiteners, columns, strict=True)], lost
 
 
 def _by_input(
     problem: Problem, error: CalibrationError, shared: Floats, local: Sequence[Floats]
 ) -> list[Floats] | None:
-    """(n, outputs) of each record, the derivative by the error of a measured input: a central difference
-    over one standard deviation of it to both sides."""
+    """(n, outputs) of each record, the derivative by the error of a measured input; None if the model has no
+    value beside these inputs, however small the step."""
+    steps = (share * error.std for share in _STEPS)
+    tried = (_difference(problem, error, shared, local, step) for step in steps)
+    return next((found for found in tried if found is not None), None)
+
+
+def _difference(
+    problem: Problem, error: CalibrationError, shared: Floats, local: Sequence[Floats], step: float
+) -> list[Floats] | None:
+    """The central difference over a step of the error to both sides."""
     index = problem.measurements.inputs.index(error.channel)
     ends = []
-    for size in (error.std, -error.std):
+    for size in (step, -step):
         records = tuple(_read_wrong(record, index, error, size) for record in problem.records)
         moved = replace(problem, measurements=replace(problem.measurements, records=records))
         simulated = moved.simulate(shared, local)
         if not simulated.ok:
             return None
         ends.append([np.take(each, problem.channels, axis=1) for each in simulated.outputs])
-    return [(high - low) / (2.0 * error.std) for high, low in zip(*ends, strict=True)]
+    return [(high - low) / (2.0 * step) for high, low in zip(*ends, strict=True)]
 
 
 def _read_wrong(record: MeasuredRecord, index: int, error: CalibrationError, size: float) -> MeasuredRecord:
