@@ -199,7 +199,7 @@ def test_wrong_calls_are_one_message_each(here: Path) -> None:
     project(here, periodic(2)[:700])
     for words, said in [
         (["--resolution", "3 s"], "wrong dimension"),
-        (["--resolution", "0.1 mHz"], "too short for a frequency response"),
+        (["--resolution", "0.1 mHz"], "too short for a frequency response, got '700 samples of position at"),
         (["--resolution", "0 Hz"], "0 Hz"),
         (["--resolution", "2 Hz"], "too coarse for these records, got '2 Hz'; expected at most 0.625 Hz"),
         (["--only", "record +"], "record"),

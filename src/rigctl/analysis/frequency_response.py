@@ -387,7 +387,7 @@ def _response(
     if not even:
         raise RigctlError(
             "these records are sampled too unevenly for a frequency response",
-            value=", ".join(series.labels[k] for k in with_readings[:3]),
+            value=f"{output} in {', '.join(series.labels[k] for k in with_readings[:3])}",
             expected="intervals that differ by less than a quarter",
         )
     usual = float(np.median([signals[k].interval for k in even]))
@@ -402,7 +402,7 @@ def _response(
     if spectrum is None:
         raise RigctlError(
             "these records are too short for a frequency response",
-            value=f"{max(signals[k].times.size for k in alike)} samples"
+            value=f"{max(signals[k].times.size for k in alike)} samples of {output}"
             + ("" if resolution is None else f" at a resolution of {resolution:g} Hz"),
             expected="two windows or periods in the longest",
         )
