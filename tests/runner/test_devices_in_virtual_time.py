@@ -48,6 +48,7 @@ class Part:
     value: Callable[[float], float] = lambda _: 1.0
     first: float = 0.0  # s, until which it has not been read
     due: float = 0.0
+    fastest: float = math.inf  # Hz
     commands: dict[str, float] = field(default_factory=dict)
 
 
@@ -63,6 +64,7 @@ class InVirtualTime:
         self.devices: Mapping[str, Backend] = {}
         self.parts = {name: Part() for name in rig.parts}
         self.outputs_read = self.outputs_answered = frozenset(rig.actuators)
+        self.given: list[tuple[float, float]] = []
         self.notices: list[Notice] = []
         self.unsafe: OutputsNotSafe | None = None
         self._merging = Merging(rig)
@@ -83,7 +85,7 @@ class InVirtualTime:
             if part.due > give_up:
                 self.clock.sleep_until(give_up)
                 return None
-            time, part.due = part.due, part.due + 1.0 / self._rate
+            time, part.due = part.due, part.due + 1.0 / min(self._rate, part.fastest)
             self.clock.sleep_until(time)
             if time < part.first or part.silent(time):
                 continue
@@ -92,6 +94,7 @@ class InVirtualTime:
 
     def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
         self.parts[self.rig.device_of(actuator)].commands[actuator] = value
+        self.given.append((self.clock.now(), value))
         return PendingCommand.answered(CommandReceipt(self.clock.now(), actuator, value))
 
     def take_receipts(self) -> list[CommandReceipt]:
@@ -167,3 +170,23 @@ def test_each_device_without_contact_is_named_with_its_outputs(bench: InVirtualT
     seen.make_safe("a test")
     assert seen.unconfirmed is not None
     assert seen.unconfirmed.startswith("a: x on, b: y (safe when last seen at ")
+
+
+def test_a_loop_acts_at_the_readings_of_its_channel_not_at_rows_of_other_devices(tmp_path: Path) -> None:
+    """A repeated value just before the next reading used to be taken for it, which then came too early."""
+    slow = """{kind: modbus, port: "10.0.0.1:502", modbus: {fastest: 10 Hz,
+      channels: {vb: {table: input, address: 2, type: int16}}, actuators: {y: {table: coil, address: 0}}}}"""
+    level = 'x: {device: a, kind: level, unit: "%", low: 0 %, high: 100 %}'
+    text = RIG.replace("b: {kind: simulated}", f"b: {slow}").replace("x: {device: a, kind: switch}", level)
+    text = text.replace("{x: off,", "{x: 0 %,")
+    bench = InVirtualTime(parse_rig(text), ScriptedClock())
+    bench.parts["a"].due, bench.parts["b"].fastest = 0.0095, 10.0  # one row 0.5 ms before each reading of b
+    bench.parts["b"].value = lambda time: 1.0 + 0.1 * math.sin(time)
+    loop = "{actuator: x, channel: vb, to: 3 V, gain: 20 %/V, integral: 4 %/(V*s), rate: 10 Hz, for: 3 s}"
+    done = run(
+        bench, tmp_path, f"steps:\n  - record: {{name: r, rate: 100 Hz}}\n    do:\n      - control: {loop}\n"
+    )
+    assert done.result.status == "finished", done.result.reason
+    at = [time for time, value in bench.given if value != 0.0]
+    assert len(at) > 25
+    assert at == pytest.approx([round(time, 1) for time in at], abs=1e-6)

@@ -155,6 +155,14 @@ class Bench(Protocol):
         which all channels among `names` have a value."""
         ...
 
+    def read_with(self, row: Row, channel: str) -> Row:
+        """Return the newest row with the time of its reading of a channel; other devices' rows repeat it."""
+        ...
+
+    def rate_of(self, channel: str) -> float:
+        """Return how often a channel is read, Hz."""
+        ...
+
     def condition(self, expression: Expression) -> Callable[[Row], object]:
         """Return a condition on channels, commands, measures and answers as a function of a row.
 

@@ -156,6 +156,16 @@ class Bench:
             row = yield Until(when=known)
         return row
 
+    def read_with(self, row: Row, channel: str) -> Row:
+        """The newest row with the time of its reading of a channel: rows of other devices repeat it."""
+        device = self.rig.device_of(channel)
+        return (self.read_at.get(device, row[0]), *row[1:]) if device else row
+
+    def rate_of(self, channel: str) -> float:
+        """How often a channel is read, Hz."""
+        device = self.rig.device_of(channel)
+        return self.rig.rate_of(device, self.rate) if device else self.rate
+
     def condition(self, expression: Expression) -> Callable[[Row], object]:
         """A condition over channels, commands, measures and answers as a function of a row; it does not hold
         where one of its channels has no value."""

@@ -103,7 +103,7 @@ def _nothing_real(rig: Rig, how: Access, folders: list[Path], ended: list[str]) 
         known_by = "a run has not said that its outputs are safe"
         done = f"OUTPUTS NOT CONFIRMED SAFE ({known_by})"
         return SwitchedOff("; ".join([*ended, done]), False, known_by, tuple(ended))
-    kind = how.backend or next(part.kind for part in rig.parts.values())
+    kind = how.backend or " and ".join(sorted({part.kind for part in rig.parts.values()}))
     known_by = f"a {kind} bench lives in the process that uses it: no real one was touched"
     done = f"outputs are safe: {_safe_state(rig)} ({known_by})"
     return SwitchedOff("; ".join([*ended, done]), True, known_by, tuple(ended))

@@ -100,6 +100,7 @@ class _Drive:
         self.within = action.within
         self._action = action
         self._bench = bench
+        self._channel = action.position
         self._column = bench.columns[action.position]
         self._give_up = bench.now + (action.timeout or 0.0)
         self._position = math.nan
@@ -144,12 +145,15 @@ class _Drive:
     def _full_speed(self, value: float, direction: float) -> Waiting:
         """Move at full speed; stop at the predicted time, once the next sample would be too late for that."""
         yield from self._bench.command(self._action.actuator, value)
-        period = 1.0 / self._bench.rate
+        period = 1.0 / self._bench.rate_of(self._channel)
         past: deque[tuple[float, float]] = deque(maxlen=max(2, round(_SPAN / period) + 1))
         while True:
             row = yield Until(self._give_up, every_sample)
             self._check_time()
             if row is None or math.isnan(row[self._column]):
+                continue
+            row = self._bench.read_with(row, self._channel)
+            if past and row[0] <= past[-1][0]:  # that of another device: no new position
                 continue
             self._position = row[self._column]
             past.append((row[0], self._position))

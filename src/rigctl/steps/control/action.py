@@ -109,6 +109,7 @@ class Control(Action):
         due = -math.inf
         row: Row | None = yield from bench.fresh()
         while True:
+            row = bench.read_with(row, self.channel) if row is not None else None
             if row is not None and row[0] >= due:
                 due = row[0] + self.period * (1.0 - EARLY)
                 if possible(row[column]) and not math.isnan(row[column]):
