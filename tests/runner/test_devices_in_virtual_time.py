@@ -190,3 +190,42 @@ def test_a_loop_acts_at_the_readings_of_its_channel_not_at_rows_of_other_devices
     at = [time for time, value in bench.given if value != 0.0]
     assert len(at) > 25
     assert at == pytest.approx([round(time, 1) for time in at], abs=1e-6)
+
+
+def test_a_move_stops_where_it_should_with_a_position_that_is_read_seldom(tmp_path: Path) -> None:
+    """Rows of a faster device repeat a position: the speed found from them was wrong, and the stop late."""
+    slow = """{kind: modbus, port: "10.0.0.1:502", modbus: {fastest: 10 Hz,
+      channels: {at: {table: input, address: 2, type: int16}}, actuators: {y: {table: coil, address: 0}}}}"""
+    text = RIG.replace("b: {kind: simulated}", f"b: {slow}").replace("kind: switch}\n  y", "VALVE}\n  y")
+    text = text.replace("VALVE", "kind: directional_valve").replace("{x: off,", "{x: neutral,")
+    text = text.replace(
+        "vb: {device: b, unit: V, quantity: voltage}", "at: {device: b, unit: mm, quantity: position}"
+    )
+    text = text[: text.index("limits:")] + "roles:\n"
+    text += "".join(
+        f"  {way}: {{actuator: x, value: {way}, position: at}}\n" for way in ("extend", "retract")
+    )
+    bench = InVirtualTime(parse_rig(text), ScriptedClock())
+    bench.parts["b"].fastest = 10.0
+    place = [(0.0, 0.0, 0.0)]  # time, position, speed
+
+    def position(time: float) -> float:
+        since, at, speed = place[-1]
+        return at + speed * (time - since)
+
+    def command(actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
+        now = bench.clock.now()
+        if actuator == "x":
+            place.append((now, position(now), 0.02 * value))
+            if duration is not None:
+                bench.clock.at(now + duration, lambda: command(actuator, 0.0))
+        return given(actuator, value, duration=duration)
+
+    given, bench.command = bench.command, command  # type: ignore[method-assign]
+    bench.parts["b"].value = position
+    done = run(bench, tmp_path, "steps:\n  - extend: {to: 100 mm, within: 1 mm, timeout: 20 s}\n")
+    assert done.result.status == "finished", done.result.reason
+    stopped = next(
+        at for (_, at, speed), (_, _, before) in zip(place[1:], place, strict=False) if before and not speed
+    )
+    assert stopped == pytest.approx(0.0994, abs=3e-4)  # what it is assumed to coast before it
