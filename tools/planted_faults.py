@@ -217,7 +217,8 @@ class Planter:
         self._functions: dict[str, dict[tuple[str, int], list[FunctionType]]] = {file: {} for file in files}
         names = {str(SOURCE / file): file for file in files}
         for one in gc.get_objects():
-            if isinstance(one, FunctionType) and one.__code__.co_filename in names:
+            # `isinstance` would ask a weak reference for its object, which may be gone
+            if type(one) is FunctionType and one.__code__.co_filename in names:
                 known = self._functions[names[one.__code__.co_filename]]
                 known.setdefault(_place(one.__code__), []).append(one)
 
