@@ -36,7 +36,7 @@ from rigctl.answers.systematic_error import falls, left_of
 from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure
 from rigctl.physics.family import ModelFamily
-from rigctl.units import parse_unit, significant
+from rigctl.units import significant
 from rigctl.wording import chance, number_of
 
 _TONES: dict[bool | None, Tone] = {True: "good", False: "bad", None: "open"}
@@ -241,7 +241,7 @@ def _channels(model: ModelComparison) -> Table:
         Column("masked", "spikes masked"),
     )
     titles = model.fit.problem.measurements.titles
-    free = {one.channel: one.free / parse_unit(one.unit).factor for one in model.achievable}
+    free = {one.channel: one.document()["free"] for one in model.achievable}
     rows = (
         {**_channel(titles.get(name, name), one), "free": free.get(name)} for name, one in channels.items()
     )
