@@ -82,8 +82,8 @@ def run(
     ----------
     procedure, rig: files; by default the rig named in the procedure.
     arguments: of the procedure, written with units: ``{"supply": "30 bar"}``.
-    backend: ``serial``, ``modbus``, ``visa``, ``opcua``, ``emulated``, ``simulated``, ``replay``; the rig
-        file names the default.
+    backend: ``serial``, ``modbus``, ``visa``, ``opcua``, ``python``, ``emulated``, ``simulated``,
+        ``replay``; the rig file names the default.
     port: a serial port or pyserial URL.
     operator: answers the procedure's questions.
     answers: instead of `operator`: values by name; confirmations are given immediately.

@@ -14,7 +14,11 @@ from rigctl.files.version_suffix import path_exists
 from rigctl.printable import shown_path
 
 MARKER = "rigctl.toml"
-_SETTINGS = ("runs", "rig")
+_KINDS = {
+    "runs": "a folder",
+    "rig": "a rig file",
+    "drivers": 'the names of packages, e.g. ["pymeasure"]',
+}
 #: start of an address of storage; a Windows drive has one letter and no slashes
 _ADDRESS = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]+://")
 
@@ -24,13 +28,15 @@ class Project:
     """A folder with rigs, procedures and models, and the folder of its runs.
 
     `store` is the address of the storage to which closed runs are uploaded, ``s3://bucket/runs``; None for
-    none. `rig` is the rig file of commands that name none.
+    none. `rig` is the rig file of commands that name none. `drivers` are the Python packages that may be
+    imported for drivers of devices.
     """
 
     root: Path
     runs: Path
     rig: Path | None = None
     store: str | None = None
+    drivers: tuple[str, ...] = ()
 
     def resolve(self, path: str | Path, relative_to: Path | None = None) -> Path:
         """The file to which a path in a file refers.
@@ -66,7 +72,8 @@ def find_project(start: Path | None = None) -> Project:
     Its root is the nearest folder upwards with a ``rigctl.toml``, or else `start`. Runs are stored in
     ``runs/`` below it, or in the folder given by ``runs = "..."`` in ``rigctl.toml``; if that is an address,
     ``s3://bucket/runs``, they are in ``runs/``, and are uploaded to it once they are closed. ``rig = "..."``
-    is the rig file of commands that name none.
+    is the rig file of commands that name none, ``drivers = ["..."]`` lists Python packages that drivers of
+    devices may be imported from.
 
     Raises
     ------
@@ -78,13 +85,14 @@ def find_project(start: Path | None = None) -> Project:
         marker = folder / MARKER
         if marker.is_file():
             settings = _read_settings(marker)
-            rig, runs = settings.get("rig"), settings.get("runs", "runs")
+            rig, runs = settings.paths.get("rig"), settings.paths.get("runs", "runs")
             store = runs if is_address(runs) else None
             return Project(
                 folder,
                 folder / (_expanded(runs) if store is None else "runs"),
                 folder / _expanded(rig) if rig else None,
                 store,
+                settings.drivers,
             )
     return Project(here, here / "runs")
 
@@ -144,8 +152,16 @@ def require_local(path: Path) -> None:
         )
 
 
-def _read_settings(marker: Path) -> dict[str, str]:
-    """The settings in the project file, which are paths."""
+@dataclass(frozen=True)
+class _Settings:
+    """What a project file says: paths by name, and the packages of drivers."""
+
+    paths: dict[str, str]
+    drivers: tuple[str, ...] = ()
+
+
+def _read_settings(marker: Path) -> _Settings:
+    """The settings in the project file."""
     import tomllib
 
     where = Location(marker)
@@ -157,15 +173,23 @@ def _read_settings(marker: Path) -> dict[str, str]:
         raise RigctlError("the file is not UTF-8 text", expected="UTF-8", where=where) from problem
     except OSError as problem:
         raise RigctlError(f"cannot read the file: {problem.strerror or problem}", where=where) from problem
-    found = {}
+    found: dict[str, str] = {}
+    drivers: tuple[str, ...] = ()
     for name, written in settings.items():
-        if name not in _SETTINGS:
-            raise unknown_name("setting", name, _SETTINGS, where=where)
-        if not isinstance(written, str) or not written or "\0" in written:
-            kind = "a folder" if name == "runs" else "a rig file"
+        if name not in _KINDS:
+            raise unknown_name("setting", name, _KINDS, where=where)
+        if name == "drivers" and isinstance(written, list) and all(_is_package(one) for one in written):
+            drivers = tuple(written)
+        elif name != "drivers" and isinstance(written, str) and written and "\0" not in written:
+            found[name] = written
+        else:
+            kind = _KINDS[name]
             raise RigctlError(f"{name}: wrong kind of value", value=str(written), expected=kind, where=where)
-        found[name] = written
-    return found
+    return _Settings(found, drivers)
+
+
+def _is_package(written: object) -> bool:
+    return isinstance(written, str) and written.isidentifier()
 
 
 def _nearest_file(wanted: Path, tried: Sequence[Path]) -> str | None:

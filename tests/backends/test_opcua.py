@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from backends.contract.subjects import samples
 from commands import call
 from patience import patient, unhurried
 from protocol_servers import OpcUaServer
@@ -21,6 +20,7 @@ from rigctl.clock import real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
+from rigctl.testing.contract import samples
 
 RIG = load_rig(shipped("rigs", "oil-circuit-opcua.yaml"))
 PATIENT = parse_rig(patient(RIG.text, wake="60 s"))

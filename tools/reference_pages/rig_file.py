@@ -19,6 +19,7 @@ from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.protocols.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.protocols.modbus import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
 from rigctl.rig.protocols.opcua import HeartbeatNode, IdentityNode, OpcUa, ReadNode, WrittenNode
+from rigctl.rig.protocols.python_driver import DriverCall, DriverIdentity, DriverRead, DriverSet, PythonDriver
 from rigctl.rig.rig import Backend, Device, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
 from rigctl.rig.simulation import Simulation
@@ -53,9 +54,16 @@ An OPC UA server, without encryption and as an anonymous user, with its nodes.
 [How to connect an OPC UA server](../how-to/connect-an-opc-ua-server.md) explains it.
 """
 
+_PYTHON = """\
+A driver class of an installed package, in a process of its own; only packages that the user has allowed
+are imported.
+[How to use a Python driver](../how-to/use-a-python-driver.md) explains it.
+"""
+
 _DEVICES = """\
-One of several devices of a bench, in place of `backend`, with the same fields: `lines`, `modbus` and `opcua`
-are those below `backend`. [How to use several devices](../how-to/use-several-devices.md) explains it.
+One of several devices of a bench, in place of `backend`, with the same fields: `lines`, `modbus`,
+`opcua` and `python` are those below `backend`.
+[How to use several devices](../how-to/use-several-devices.md) explains it.
 """
 
 #: heading, location in the file, model, and the text before its table
@@ -77,6 +85,11 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("backend.opcua.actuators.NAME", WrittenNode, ""),
     ("backend.opcua.identify", IdentityNode, ""),
     ("backend.opcua.heartbeat", HeartbeatNode, ""),
+    ("backend.python", PythonDriver, _PYTHON),
+    ("backend.python.channels.NAME", DriverRead, ""),
+    ("backend.python.actuators.NAME", DriverSet, ""),
+    ("backend.python.identify", DriverIdentity, ""),
+    ("backend.python, each of begin and safe", DriverCall, ""),
     ("channels.NAME", Channel, ""),
     ("channels.NAME.raw", Raw, ""),
     ("channels.NAME.calibration", Calibration, ""),

@@ -17,6 +17,7 @@ _MODULES: Mapping[str, str] = {
     "emulated": "rigctl.backends.emulated.create",
     "modbus": "rigctl.backends.modbus.create",
     "opcua": "rigctl.backends.opcua.create",
+    "python": "rigctl.backends.python.create",
     "replay": "rigctl.backends.replay.create",
     "serial": "rigctl.backends.serial_port",
     "simulated": "rigctl.backends.simulated.create",

@@ -13,7 +13,7 @@ from rigctl.rig import DEVICES, Rig
 
 _ROUNDING = 1e-9
 #: the kinds of backend whose devices have a limit
-REAL = ("serial", "modbus", "visa", "opcua", "emulated", DEVICES)
+REAL = ("serial", "modbus", "visa", "opcua", "python", "emulated", DEVICES)
 #: share by which the shortest of a few measured times may exceed the true one, on a busy computer
 _MARGIN = 0.25
 

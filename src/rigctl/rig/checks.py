@@ -14,14 +14,16 @@ from rigctl.rig.channel import QUANTITIES, Channel
 from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
 from rigctl.rig.layout import RECORD, TIME
 from rigctl.rig.problem import Problem
-from rigctl.rig.protocols.client_checks import node_problems, register_problems
+from rigctl.rig.protocols.client_checks import driver_problems, node_problems, register_problems
 from rigctl.rig.protocols.line_checks import line_problems
 from rigctl.rig.rig import Rig
 from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import interval_unit, parse_unit
 
 #: backends whose readings come from sensors
-_REAL = ("serial", "modbus", "visa", "opcua")
+_REAL = ("serial", "modbus", "visa", "opcua", "python")
+#: the sections that describe what a device is sent
+_PROTOCOLS = ("lines", "modbus", "opcua", "python")
 
 #: reserved names in expressions and tables
 RESERVED = frozenset(
@@ -53,7 +55,7 @@ def problems(rig: Rig) -> Iterator[Problem]:
 def _protocol(rig: Rig) -> Iterator[Problem]:
     """Check the protocol of the one device of a rig, or of a part of it."""
     device = rig.backend
-    spoken = [name for name in ("lines", "modbus", "opcua") if getattr(device, name) is not None]
+    spoken = [name for name in _PROTOCOLS if getattr(device, name) is not None]
     if len(spoken) > 1:
         error = RigctlError("a device has one protocol", value=", ".join(spoken))
         yield Problem(("backend", spoken[-1]), error, of_key=True)
@@ -63,9 +65,12 @@ def _protocol(rig: Rig) -> Iterator[Problem]:
         yield from register_problems(device.modbus, rig.channels, rig.actuators, rig.safe_state)
     if device.opcua is not None:
         yield from node_problems(device.opcua, rig.channels, rig.actuators)
+    if device.python is not None:
+        yield from driver_problems(device.python, rig.channels, rig.actuators)
     for kind, field, what in (
         ("modbus", "modbus", "where its registers are"),
         ("opcua", "opcua", "where its nodes are"),
+        ("python", "python", "which driver it has"),
         ("visa", "lines", "what the instrument is sent"),
     ):
         if device.kind == kind and getattr(device, field) is None:
@@ -146,7 +151,7 @@ def _protocols(rig: Rig) -> Iterator[Problem]:
 def _rates(rig: Rig) -> Iterator[Problem]:
     """Check that the device supports the sampling rates outside records."""
     moving = any(part.kind == "directional_valve" and part.by == "driven" for part in rig.actuators.values())
-    part = next((name for name in ("lines", "modbus", "opcua") if getattr(rig.backend, name) is not None), "")
+    part = next((name for name in _PROTOCOLS if getattr(rig.backend, name) is not None), "")
     for name in ("monitor_rate", "moving_rate") if moving else ("monitor_rate",):
         rate = getattr(rig, name)
         if rate > rig.fastest:

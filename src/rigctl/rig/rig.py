@@ -27,6 +27,7 @@ from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.protocols.lines import Lines
 from rigctl.rig.protocols.modbus import Modbus
 from rigctl.rig.protocols.opcua import OpcUa
+from rigctl.rig.protocols.python_driver import PythonDriver
 from rigctl.rig.rates import BOARD_RATES, FASTEST
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
@@ -45,7 +46,9 @@ _Rate = Annotated[float, Q("Hz", positive=True, high=f"{FASTEST:g} Hz")]
 class Backend(Part):
     """The connection to the bench."""
 
-    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "emulated", "replay"] = "simulated"
+    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "python", "emulated", "replay"] = (
+        "simulated"
+    )
     port: str | None = Field(
         default=None,
         description="serial port or pyserial URL, e.g. /dev/ttyACM0; host:port of Modbus; a VISA resource; opc.tcp://…",
@@ -60,12 +63,18 @@ class Backend(Part):
     )
     modbus: Modbus | None = Field(default=None, description="the registers of a Modbus device")
     opcua: OpcUa | None = Field(default=None, description="the nodes of an OPC UA server")
+    python: PythonDriver | None = Field(default=None, description="a driver class of a Python package")
+
+    @property
+    def client(self) -> Modbus | OpcUa | PythonDriver | None:
+        """The description of a device behind a protocol library; None for any other."""
+        return self.modbus or self.opcua or self.python
 
 
 class Device(Backend):
     """One of several devices of a bench, with the same fields as `backend`."""
 
-    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "emulated"] = Field(
+    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "python", "emulated"] = Field(
         description="how the device is reached"
     )
     stale_after: Annotated[float, Q("s", positive=True)] | None = Field(
@@ -178,7 +187,7 @@ class Rig(Part):
         if kind is None:
             raise RigctlError(
                 f"the rig '{self.name}' does not say how its bench is reached",
-                expected="'--backend serial' (modbus, visa, opcua, emulated, simulated, replay), or "
+                expected="'--backend serial' (modbus, visa, opcua, python, emulated, simulated, replay), or "
                 "'backend: {kind: serial}' in the rig file",
                 where=Location(self.path),
                 hint="Nothing is simulated unasked; 'rigctl simulate' does it",
@@ -239,10 +248,8 @@ class Rig(Part):
     def lines(self) -> Lines | None:
         """The line protocol of the one device, or of its client; None without one."""
         backend = self.backend
-        if backend.lines is None and backend.modbus is not None:
-            return backend.modbus.in_lines(self.actuators)
-        if backend.lines is None and backend.opcua is not None:
-            return backend.opcua.in_lines(self.actuators)
+        if backend.lines is None and backend.client is not None:
+            return backend.client.in_lines(self.actuators)
         if backend.lines is not None and backend.kind == "visa":
             return backend.lines.of_a_client
         return backend.lines
@@ -256,7 +263,7 @@ class Rig(Part):
         """The same with a kind of backend that may be another than the rig's."""
         if kind == DEVICES:  # the slower ones are read less often
             return max(part.fastest for part in self.parts.values())
-        device = self.backend.lines or self.backend.modbus or self.backend.opcua
+        device = self.backend.lines or self.backend.client
         if device is None:
             return BOARD_RATES[1] if kind in ("serial", "emulated") else math.inf
         return math.inf if device.fastest is None else device.fastest

@@ -100,6 +100,7 @@ def bench_options(
         "modbus": ("port",),
         "visa": ("port",),
         "opcua": ("port",),
+        "python": ("port",),
         DEVICES: ("port", "clear_trips"),
         "emulated": ("seed", "clear_trips"),
     }

@@ -3,40 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from patience import patient, unhurried
 from protocol_servers import SERVERS, ScpiServer, Server
-from rigctl.backends.protocol import Backend, Sample
+from rigctl.backends.protocol import Sample
 from rigctl.backends.registry import create_backend
 from rigctl.clock import Clock, VirtualClock
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
+from rigctl.testing import contract
 
 PLAIN = {"plant": "roles", "noise": "off", "quantised": "off", "seed": 1}
 
 
 @dataclass
-class Subject:
+class Subject(contract.Subject):
     """A kind of bench, with independent access to its plant.
 
     Parameters
     ----------
-    kind: in the bench's identity.
-    outputs: the actual outputs, SI, by actuator; None where only the bench itself can report them.
     server: what its device is, where that is one on a port.
     """
 
-    kind: str
-    rig: Rig
-    make: Callable[[], Backend]
-    outputs: Callable[[], Mapping[str, float]] | None = None
     server: Server | None = None
-
-    @property
-    def real(self) -> bool:
-        return self.server is not None
 
 
 def shipped_rig(name: str) -> Rig:
@@ -52,7 +43,8 @@ def lines_over_tcp() -> Rig:
 def unreal(kind: str, name: str) -> Subject:
     rig, clock = shipped_rig(name), VirtualClock()
     options = PLAIN if kind == "simulated" else {"plant": "roles", "seed": 1}
-    return Subject(kind, rig, lambda: create_backend(rig, kind, clock, options))
+    # the board enforces a rest of 2 s for its heater
+    return Subject(kind, rig, lambda: create_backend(rig, kind, clock, options), real=False, rest=2.5)
 
 
 def served(kind: str, clock: Clock) -> Iterator[Subject]:
@@ -66,21 +58,12 @@ def served(kind: str, clock: Clock) -> Iterator[Subject]:
             rig,
             lambda: create_backend(rig, None, clock, {"port": port}),
             lambda: server.circuit.outputs,
-            server,
+            lambda: server.asked,
+            server=server,
         )
 
 
 REAL = ("lines", *SERVERS)
-
-
-def samples(bench: Backend, count: int) -> list[Sample]:
-    """So many samples; None in between is no sample."""
-    found: list[Sample] = []
-    while len(found) < count:
-        sample = bench.next_sample(5.0)
-        if sample is not None:
-            found.append(sample)
-    return found
 
 
 def value(rig: Rig, sample: Sample, name: str) -> float:

@@ -14,10 +14,11 @@ from pathlib import Path
 import pytest
 
 import rigctl
-from backends.contract.subjects import Subject, samples, value
+from backends.contract.subjects import Subject, value
 from patience import patient
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import Backend, Notice, Sample
+from rigctl.testing.contract import samples
 
 #: opens a bench, switches its heater on, reports it, and continues sampling
 HOST = """

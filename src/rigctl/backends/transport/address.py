@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
+from json import dumps
 from typing import Any
 
 from rigctl.backends.transport.address_key import address_key
@@ -21,6 +22,7 @@ _OPENERS: Mapping[str, str] = {
     "modbus": "rigctl.backends.modbus.client",
     "opcua": "rigctl.backends.opcua.client",
     "visa": "rigctl.backends.visa.client",
+    "python": "rigctl.backends.python.client",
 }
 
 
@@ -47,8 +49,11 @@ class Address:
     def key(self) -> str:
         """The device that is reached, the same for all spellings of its address.
 
-        On Modbus TCP each unit is a device of its own: a gateway has several.
+        On Modbus TCP each unit is a device of its own: a gateway has several. A driver without a port is told
+        by its arguments which device it has.
         """
+        if self.kind == "python" and not self.settings["port"]:
+            return f"driver {self.url} {dumps(self.settings['arguments'], sort_keys=True)}"
         key = address_key(self.kind, self.url)
         unit = self.settings.get("unit")
         return f"{key} unit {unit}" if self.kind == "modbus" and key.startswith("tcp ") else key

@@ -23,11 +23,11 @@ def address_key(kind: str, url: str) -> str:
 
     Parameters
     ----------
-    kind: as of an `Address`: ``serial``, ``modbus``, ``visa`` or ``opcua``.
+    kind: as of an `Address`: ``serial``, ``modbus``, ``visa``, ``opcua`` or ``python``.
     url: the address as it was given.
     """
     url = url.strip()
-    if kind == "visa":
+    if kind == "visa" or (kind == "python" and "::" in url):
         return _visa(url)
     if kind == "opcua":
         return _opcua(url)

@@ -11,6 +11,7 @@ import typer
 
 from rigctl.cli.commands.manual import Backend, RigFile, Speed
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.port import PortOption
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import significant
@@ -53,6 +54,7 @@ def calibrate(
     ] = None,
     backend: Backend = None,
     port: PortOption = None,
+    allow_driver: AllowDriverOption = None,
     speed: Speed = "1x",
     rate: Annotated[
         float | None, typer.Option(min=0.01, help="Sampling rate in Hz; by default that of the rig file.")

@@ -14,6 +14,7 @@ import typer
 
 from rigctl.cli.commands.doctor_finding import Finding
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.driver import AllowDriverOption
 
 if TYPE_CHECKING:
     from rigctl.backends.transport.serial_ports import PortInfo, PortsUnlisted
@@ -43,6 +44,7 @@ def examine(ports: Sequence[PortInfo] | PortsUnlisted = ()) -> Iterator[Finding]
     yield from _extras()
     yield _engine_cache()
     yield _project()
+    yield from _drivers()
     yield emulator_finding()
     yield from rig_findings(find_project().root / "rigs")
     yield from port_findings(ports)
@@ -98,6 +100,21 @@ def _project() -> Finding:
     return Finding("runs folder", "ok", project.runs.as_posix())
 
 
+def _drivers() -> Iterator[Finding]:
+    """The packages that drivers of devices may be imported from; none is imported here."""
+    from rigctl.backends.python.permission import allowed, distribution
+
+    for package in sorted(allowed()):
+        if find_spec(package) is None:
+            yield Finding(
+                f"{package} (driver)", "broken", "allowed, but not installed", f"pip install {package}"
+            )
+        else:
+            yield Finding(
+                f"{package} (driver)", "ok", f"may be imported for drivers: {distribution(package)}"
+            )
+
+
 def _unwritable(folder: Path) -> tuple[str, str]:
     return f"cannot write {folder.as_posix()}", "make the folder writable"
 
@@ -128,6 +145,7 @@ def doctor(
         Path | None,
         typer.Option(help="Rig file whose devices are read, all channels, at their ports or at --port."),
     ] = None,
+    allow_driver: AllowDriverOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Report what is installed, what is missing and how to get it, and which serial ports can be used.

@@ -12,6 +12,7 @@ import typer
 from rigctl.cli.commands.compare import HoldOut
 from rigctl.cli.echo import print_json
 from rigctl.cli.options.cache import Evidence
+from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
 from rigctl.cli.options.port import PortOption
@@ -77,6 +78,7 @@ def learn(
         str | None, typer.Option(help="Backend, as for 'rigctl run'; by default that of the rig file.")
     ] = None,
     port: PortOption = None,
+    allow_driver: AllowDriverOption = None,
     rig: RigOption = None,
     arg: ArgumentOption = None,
     operator: Annotated[str | None, typer.Option(help="Person in charge; kept with each run.")] = None,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.port import PortOption
 from rigctl.errors import ExitCode, RigctlError
 
@@ -35,6 +36,7 @@ def off(
     rig: RigFile = None,
     backend: Backend = None,
     port: PortOption = None,
+    allow_driver: AllowDriverOption = None,
     *,
     clear_trips: Annotated[
         bool, typer.Option("--clear-trips", help="Also clear latched trips; their cause must be gone.")
@@ -96,6 +98,7 @@ def jog(
     rig: RigFile = None,
     backend: Backend = None,
     port: PortOption = None,
+    allow_driver: AllowDriverOption = None,
     speed: Speed = "1x",
     *,
     readings: Annotated[
@@ -140,6 +143,7 @@ def monitor(
     rig: RigFile = None,
     backend: Backend = None,
     port: PortOption = None,
+    allow_driver: AllowDriverOption = None,
     rate: Annotated[
         float | None, typer.Option(min=0.01, help="Sampling rate in Hz; by default that of the rig file.")
     ] = None,

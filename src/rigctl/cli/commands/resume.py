@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.echo import echo
+from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.port import PortOption
 from rigctl.wording import number_of
@@ -15,6 +16,7 @@ from rigctl.wording import number_of
 def resume(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
     port: PortOption = None,
+    allow_driver: AllowDriverOption = None,
     operator: Annotated[str | None, typer.Option(help="Person now in charge.")] = None,
     speed: Annotated[
         str | None, typer.Option(help="max, 1x or 10x; by default as before.", show_default=False)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
 from rigctl.cli.options.port import PortOption
@@ -22,11 +23,12 @@ def run(
     backend: Annotated[
         str | None,
         typer.Option(
-            help="serial, modbus, visa, opcua, emulated, simulated or replay; by default that of "
+            help="serial, modbus, visa, opcua, python, emulated, simulated or replay; by default that of "
             "the rig file."
         ),
     ] = None,
     port: PortOption = None,
+    allow_driver: AllowDriverOption = None,
     rig: RigOption = None,
     arg: ArgumentOption = None,
     operator: Annotated[str | None, typer.Option(help="Person in charge; kept with the run.")] = None,

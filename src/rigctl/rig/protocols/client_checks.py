@@ -1,4 +1,4 @@
-"""Checks across the fields of a register map or of an OPC UA server's nodes: names exist, numbers fit."""
+"""Checks across the fields of a register map, a server's nodes or a driver: names exist, numbers fit."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from rigctl.rig.problem import Problem
 from rigctl.rig.protocols.client_lines import client_problems
 from rigctl.rig.protocols.modbus import BITS, WRITABLE, Modbus, Register, WrittenRegister
 from rigctl.rig.protocols.opcua import Node, OpcUa
+from rigctl.rig.protocols.python_driver import PythonDriver
 from rigctl.rig.setting import POSITIONS, Setting
-from rigctl.units import parse_unit
+from rigctl.units import describe, parse_unit
 
 #: smallest and largest number of each integer type
 _INTEGERS: Mapping[str, tuple[int, int]] = {
@@ -22,6 +23,7 @@ _INTEGERS: Mapping[str, tuple[int, int]] = {
 }
 _MODBUS = ("backend", "modbus")
 _OPCUA = ("backend", "opcua")
+_PYTHON = ("backend", "python")
 
 
 def register_problems(
@@ -129,3 +131,36 @@ def node_problems(
 def _node(node: Node, keys: tuple[str, ...]) -> Iterator[Problem]:
     if node.scale == 0.0:
         yield Problem((*keys, "scale"), RigctlError("scale: all numbers would be the same", value="0"))
+
+
+def driver_problems(
+    driver: PythonDriver, channels: Mapping[str, Channel], actuators: Mapping[str, Actuator]
+) -> Iterator[Problem]:
+    """Yield all inconsistencies between what is called of a driver and the rest of the rig file."""
+    # the values of positions may be anything: only their names are checked, with numbers in their place
+    written = {
+        name: None if part.positions is None else {word: float(at) for at, word in enumerate(part.positions)}
+        for name, part in driver.actuators.items()
+    }
+    yield from client_problems(channels, actuators, _PYTHON, driver.channels, written)
+    for name, read in driver.channels.items():
+        if name in channels and read.unit is not None:
+            keys = (*_PYTHON, "channels", name, "unit")
+            yield from _unit(read.unit, channels[name].raw_unit, keys)
+    for name, part in driver.actuators.items():
+        if part.scale is not None and (part.scale[0] == part.scale[1] or part.unit is not None):
+            error = RigctlError("scale: two different numbers, and no unit beside it")
+            yield Problem((*_PYTHON, "actuators", name, "scale"), error)
+        if name in actuators and part.unit is not None:
+            yield from _unit(part.unit, actuators[name].display_unit, (*_PYTHON, "actuators", name, "unit"))
+
+
+def _unit(written: str, wanted: str, keys: tuple[str, ...]) -> Iterator[Problem]:
+    """Check that a number in one unit can be converted to another."""
+    try:
+        same = parse_unit(written).dimension == parse_unit(wanted).dimension
+    except RigctlError as error:
+        yield Problem(keys, error)
+        return
+    if not same:
+        yield Problem(keys, RigctlError("unit: wrong dimension", value=written, expected=describe(wanted)))

@@ -1,8 +1,8 @@
 """A device behind a protocol library, described as a line-based device with the client's commands.
 
 The client (`rigctl.backends.transport.client_port.Client`) understands ``identify``, ``read N``, ``write NAME
-VALUE`` and ``beat``, and answers with numbers, ``ok``, or ``error`` and the reason. It is operated like any
-line-based device: one query at a time, reconnection, a guard.
+VALUE``, ``safe N`` and ``beat``, and answers with numbers, ``ok``, or ``error`` and the reason. It is
+operated like any line-based device: one query at a time, reconnection, a guard.
 """
 
 from __future__ import annotations
@@ -95,6 +95,8 @@ def client_lines(
     *,
     identity: str,
     reads: Sequence[tuple[Sequence[str], float | None]],
+    timeout: float | None = None,
+    safe: int = 0,
 ) -> Lines:
     """Return the line protocol of a client.
 
@@ -103,6 +105,8 @@ def client_lines(
     actuators: the actuators of the rig.
     identity: pattern of the client's answer to ``identify``.
     reads: the names that each ``read`` returns, and its shortest interval, s; None: every sample.
+    timeout: of an answer, s; by default the device's, with an allowance.
+    safe: how many commands ``safe N`` make outputs safe, before the safe values are written.
     """
     writes = {name: _positions_of(actuators, name, part.values) for name, part in device.actuators.items()}
     beat = device.heartbeat
@@ -122,7 +126,7 @@ def client_lines(
     }
     return Lines.model_validate(
         {
-            "timeout": f"{device.timeout + _MARGIN:g} s",
+            "timeout": f"{device.timeout + _MARGIN if timeout is None else timeout:g} s",
             "tries": device.tries,
             "wake": f"{device.wake:g} s",
             "fastest": None if device.fastest is None else f"{device.fastest:g} Hz",
@@ -133,6 +137,7 @@ def client_lines(
             "keep_alive": None
             if beat is None
             else {"send": "beat", "reply": "ok", "every": f"{beat.every:g} s"},
+            "safe": [{"send": f"safe {index}", "reply": "ok"} for index in range(safe)],
             "watchdog": f"{device.watchdog:g} s",
         }
     )

@@ -1,0 +1,124 @@
+"""Which Python packages may be imported for drivers: those that the user has allowed, and no others.
+
+A rig file may come from a stranger and names any package; importing one executes it. A package is allowed by
+``drivers = ["pymeasure"]`` in ``rigctl.toml``, by ``--allow-driver`` for one command, or by an answer at the
+terminal, which is kept for the project in a file of the user.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+from rigctl.errors import RigctlError, nearest_name
+from rigctl.files.private import is_private, private_folder
+from rigctl.files.regular import read_text
+from rigctl.project import find_project
+
+#: allowed for the command that is carried out, and how the user is asked; None where nobody can be
+_given: set[str] = set()
+_ask: Callable[[str], bool] | None = None
+
+
+def require_allowed(package: str) -> None:
+    """Require that a package is installed, and that the user has allowed it for drivers.
+
+    Raises
+    ------
+    RigctlError
+        it is not.
+    """
+    known = allowed()
+    if package in sys.stdlib_module_names:
+        raise RigctlError("a module of Python itself is no driver", value=package)
+    if package not in known and not _asked(package):
+        raise RigctlError(
+            "this package has not been allowed to be imported for a driver",
+            value=package,
+            nearest=nearest_name(package, known),
+            hint=f'drivers = ["{package}"] in rigctl.toml allows it, or --allow-driver {package}',
+        )
+    if find_spec(package) is None:
+        raise RigctlError(
+            "the package of the driver is not installed",
+            value=package,
+            hint=f"pip install {package}, or the distribution that has it",
+        )
+
+
+def allowed() -> set[str]:
+    """Return the packages that may be imported for drivers."""
+    return {*find_project().drivers, *_given, *_kept()}
+
+
+def distribution(package: str) -> str:
+    """Return the name and version of the distribution that has a package, without importing it."""
+    from importlib.metadata import PackageNotFoundError, packages_distributions, version
+
+    for name in (package, *packages_distributions().get(package, ())):
+        try:
+            return f"{name} {version(name)}"
+        except PackageNotFoundError:
+            continue
+    return f"{package} of unknown version"
+
+
+@contextmanager
+def allowing(packages: Collection[str], ask: Callable[[str], bool] | None = None) -> Iterator[None]:
+    """Allow packages meanwhile; `ask` is asked about others, once each."""
+    global _ask  # noqa: PLW0603 - there is one user
+    before, earlier = set(_given), _ask
+    _given.update(packages)
+    _ask = ask
+    try:
+        yield
+    finally:
+        _given.clear()
+        _given.update(before)
+        _ask = earlier
+
+
+def _asked(package: str) -> bool:
+    if _ask is None or not _ask(package):
+        return False
+    _given.add(package)
+    _keep(package)
+    return True
+
+
+def _kept() -> Collection[str]:
+    """Return the packages that the user has allowed at a terminal for this project."""
+    path = _file()
+    with suppress(OSError, ValueError):
+        if is_private(path):
+            found = _read(path).get(str(find_project().root), ())
+            return [one for one in found if isinstance(one, str)]
+    return ()
+
+
+def _keep(package: str) -> None:
+    path, root = _file(), str(find_project().root)
+    try:
+        private_folder(path.parent)
+        found = dict(_read(path)) if path.exists() else {}
+        found[root] = sorted({*found.get(root, ()), package})
+        path.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    except (OSError, ValueError):
+        return  # it is asked again
+
+
+def _read(path: Path) -> Mapping[str, list[str]]:
+    found = json.loads(read_text(path))
+    if not isinstance(found, dict):
+        raise ValueError("no table of projects")
+    return found
+
+
+def _file() -> Path:
+    from platformdirs import user_config_path
+
+    return user_config_path("rigctl", appauthor=False) / "drivers.json"
