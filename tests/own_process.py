@@ -12,8 +12,10 @@ from pathlib import Path
 from systems import own_state
 
 _INSTALLED = shutil.which("rigctl", path=sysconfig.get_path("scripts"))
-#: the installed command; on Windows it may be a module only
-RIGCTL = [sys.executable, "-m", "rigctl"] if os.name == "nt" and not _INSTALLED else [_INSTALLED or "rigctl"]
+#: the installed command; on Windows it may be a module only, and -P leaves out the working folder
+RIGCTL = (
+    [sys.executable, "-P", "-m", "rigctl"] if os.name == "nt" and not _INSTALLED else [_INSTALLED or "rigctl"]
+)
 
 
 def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:

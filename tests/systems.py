@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
+import sys
+from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,6 +18,22 @@ import pytest
 def needs_posix(what: str) -> pytest.MarkDecorator:
     """Mark a test that cannot run on Windows, with what is not there."""
     return pytest.mark.skipif(os.name != "posix", reason=f"needs {what}, which Windows has not")
+
+
+#: the emulated board
+needs_simavr = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
+
+#: a C compiler, which Wine has not
+needs_compiler = pytest.mark.skipif(
+    os.name == "nt" and not any(map(shutil.which, ("cc", "gcc", "clang", "cl"))),
+    reason="needs a C compiler, which is not installed there",
+)
+
+
+def needs_package(name: str) -> pytest.MarkDecorator:
+    """Mark a test that needs a package which `tools/windows-under-wine` does not install."""
+    missing = os.name == "nt" and find_spec(name) is None
+    return pytest.mark.skipif(missing, reason=f"needs {name}, which is not installed there")
 
 
 #: a program sends another one Ctrl-C
@@ -30,3 +51,8 @@ def interrupt(process: subprocess.Popen[str]) -> None:
         process.send_signal(signal.SIGINT)
     else:
         process.terminate()
+
+
+def listed_ports(monkeypatch: pytest.MonkeyPatch, comports: Callable[[], object]) -> None:
+    """Let pyserial list these ports; its own module calls the system on import, which fails under Wine."""
+    monkeypatch.setitem(sys.modules, "serial.tools.list_ports", SimpleNamespace(comports=comports))

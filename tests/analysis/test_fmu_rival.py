@@ -26,7 +26,7 @@ from rigctl.model import load_model
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fmu import export_fmu
 from rigctl.model.fmu.export import _compiled
-from systems import needs_signals
+from systems import needs_compiler, needs_signals
 
 STEPS = """\
 procedure: eight
@@ -41,6 +41,9 @@ steps:
           - set: {heater_1: 0 %}
           - wait: 10 s
 """
+
+
+pytestmark = needs_compiler
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
 from rigctl.backends.transport.adapter import same_adapter
 from rigctl.errors import RigctlError
+from systems import listed_ports
 
 
 class Bus:
@@ -40,7 +40,7 @@ class Bus:
 @pytest.fixture
 def bus(monkeypatch: pytest.MonkeyPatch) -> Bus:
     found = Bus(ttyACM0="A1", ttyACM1="B2", ttyUSB0=None)
-    monkeypatch.setattr(list_ports, "comports", found.comports)
+    listed_ports(monkeypatch, found.comports)
     return found
 
 
@@ -78,7 +78,7 @@ def test_a_port_is_opened_by_its_name_where_the_system_cannot_list_its_ports(
     def broken() -> None:
         raise AttributeError("function 'CM_Get_Parent' not found")
 
-    monkeypatch.setattr(list_ports, "comports", broken)
+    listed_ports(monkeypatch, broken)
     connect = same_adapter(lambda: "COM3", "COM3")  # type: ignore[arg-type,return-value]
     assert [connect(), connect()] == ["COM3"] * 2
 

@@ -15,7 +15,7 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.backends.transport.pyserial_port import PyserialPort
 from rigctl.clock import VirtualClock, real_clock
 from rigctl.errors import RigctlError
-from systems import needs_posix
+from systems import listed_ports, needs_posix
 from tclab_board import VERSION, MemoryPort, Sketch
 
 
@@ -41,14 +41,12 @@ def test_the_device_on_a_port_is_guessed(vendor: int | None, product: int | None
 
 
 def test_usb_ports_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    import serial.tools.list_ports
-
     there = [
         comport("/dev/ttyS0"),
         comport("/dev/ttyUSB0", 0x1A86, 0x7523),
         comport("/dev/ttyACM0", 0x2341, 0x43),
     ]
-    monkeypatch.setattr(serial.tools.list_ports, "comports", lambda: there)
+    listed_ports(monkeypatch, lambda: there)
     found = ports.list_ports()
     assert [port.device for port in found] == ["/dev/ttyACM0", "/dev/ttyUSB0", "/dev/ttyS0"]
     assert [port.usb for port in found] == ["2341:0043", "1A86:7523", ""]

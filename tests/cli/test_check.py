@@ -44,7 +44,7 @@ def test_check_prints_the_plan_as_json(
 def test_check_uses_the_rig_given_with_the_option(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rig = str(ROOT / "rigs" / "hl32-bench-instrumented.yaml")
+    rig = (ROOT / "rigs" / "hl32-bench-instrumented.yaml").as_posix()
     assert call(monkeypatch, "check", CAMPAIGN, "--rig", rig, "--json") == 0
     assert json.loads(capsys.readouterr().out)["rig_path"] == rig
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from rigctl.cli.commands import doctor
 from rigctl.cli.main import app
 from rigctl.errors import RigctlError
-from systems import own_state
+from systems import listed_ports, own_state
 from tclab_board import Served
 
 
@@ -93,12 +93,10 @@ def test_doctor_lists_ports_and_their_fixes(monkeypatch: pytest.MonkeyPatch, tmp
 
 
 def test_doctor_says_that_the_system_cannot_list_its_ports(monkeypatch: pytest.MonkeyPatch) -> None:
-    from serial.tools import list_ports
-
     def broken() -> None:
         raise OSError("a driver is broken")
 
-    monkeypatch.setattr(list_ports, "comports", broken)
+    listed_ports(monkeypatch, broken)
     shown = CliRunner().invoke(app, ["doctor", "--json"])
     told = json.loads(shown.stdout)
     findings = {finding["subject"]: finding for finding in told["findings"]}

@@ -20,6 +20,7 @@ from rigctl.cli.commands.init import create_project
 from rigctl.cli.main import _carry_out, load_command
 from rigctl.dataset.importing import import_file
 from rigctl.rig import load_rig
+from systems import needs_simavr
 
 BENCH = "rigs/hl32-bench.yaml"
 MODEL = "models/hl32-textbook.yaml"
@@ -309,7 +310,14 @@ def _faults(case: Case, code: object, out: str, err: str) -> list[str]:
     return [text for text, wrong in found.items() if wrong]
 
 
-@pytest.mark.parametrize("path", [path for entry in ENTRIES for path in _paths(entry.name)])
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=needs_simavr if path == "emulate" else ())
+        for entry in ENTRIES
+        for path in _paths(entry.name)
+    ],
+)
 def test_a_wrong_value_is_refused_with_one_message_that_names_its_option(
     path: str, project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

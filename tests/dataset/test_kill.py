@@ -12,7 +12,7 @@ from time import sleep
 import numpy as np
 import pytest
 
-from dataset import endless_writer, short_of_memory
+from dataset import endless_writer
 from rigctl.dataset import open_run, verify
 
 TESTS = Path(__file__).parents[1]
@@ -69,6 +69,8 @@ def test_a_folder_is_created_atomically_despite_kills(tmp_path: Path, seed: int)
 @pytest.mark.skipif(sys.platform != "linux", reason="the limit of memory is read from /proc")
 @pytest.mark.parametrize("left", [1_000_000, 60_000_000])
 def test_without_memory_a_run_is_reported_and_completed_later(tmp_path: Path, left: int) -> None:
+    from dataset import short_of_memory
+
     program = [sys.executable, str(short_of_memory.__file__), str(tmp_path / "runs"), str(left)]
     environment = {**os.environ, "PYTHONPATH": str(TESTS)}
     done = subprocess.run(program, capture_output=True, text=True, env=environment, check=False, timeout=600)

@@ -10,6 +10,7 @@ from rigctl.dataset.exporting import export_run
 from rigctl.dataset.outputs import is_figure, is_page, require_folder, require_output
 from rigctl.errors import RigctlError
 from rigctl.report import write_report
+from systems import needs_posix
 
 RunMaker = Callable[..., Path]
 PAGE = b'<!DOCTYPE html>\n<meta charset="utf-8">\n<meta name="generator" content="rigctl 0.1.0">\n'
@@ -28,6 +29,7 @@ def test_pages_and_exports_are_never_written_into_a_run(make_run: RunMaker, name
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@needs_posix("a link that every user may make")
 def test_an_output_path_through_a_link_into_a_run_is_refused(make_run: RunMaker, tmp_path: Path) -> None:
     folder = make_run()
     link = tmp_path / "elsewhere"

@@ -245,4 +245,5 @@ def test_old_entries_are_removed(root: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_the_default_cache_is_in_the_users_cache_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(CACHE_VARIABLE, raising=False)
-    assert cache.cache_root().parts[-2:] == ("rigctl", "engine")
+    between = ("Cache",) if sys.platform == "win32" else ()  # in the folder of the user's local data
+    assert cache.cache_root().parts[-2 - len(between) :] == ("rigctl", *between, "engine")

@@ -22,6 +22,7 @@ from rigctl.engine.symbols import exp, log, to_text
 from rigctl.engine.system import SystemBuilder
 from rigctl.engine.tolerance import TIGHT
 from rigctl.errors import RigctlError
+from systems import needs_package
 
 Floats = NDArray[np.float64]
 
@@ -91,6 +92,7 @@ def test_the_cylinder_agrees_with_radau(cylinder: ModuleType, cylinder_compiled:
     assert (np.abs(tight - exact).max(axis=0) / np.abs(exact).max(axis=0))[shown].max() < 2e-6
 
 
+@needs_package("casadi")
 def test_the_sensitivities_of_the_cylinder_agree_with_cvodes(
     cylinder: ModuleType, cylinder_compiled: CompiledSystem
 ) -> None:

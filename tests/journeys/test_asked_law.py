@@ -68,7 +68,7 @@ def test_a_wrong_exponent_is_corrected_by_the_suggested_commands(folder: Path) -
 
     printed = told(*next_command(printed))  # diagnose … --laws effects
     written = Path("effects/fan_power.yaml")
-    assert f"written: {written}" in printed
+    assert f"written: {written.as_posix()}" in printed
     shown = " ".join(told("effects", "show", str(written), "--no-picture").split())
     assert "a law of the library in another shape" in shown
     assert f"from {run} beside model" in shown

@@ -10,7 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from systems import needs_package
+
 REPOSITORY = Path(__file__).resolve().parents[2]
+
+pytestmark = needs_package("build")
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.model import Model, load_model
 from rigctl.model.fmu import export_fmu
+from systems import needs_compiler
 
 #: commands of each input: (time, value from then on)
 STROKE = {"valve": [(0.0, 0.0), (0.2, 1.0), (1.2, 0.0), (1.5, -1.0)], "pressure_setpoint": [(0.0, 30e5)]}
@@ -85,6 +86,7 @@ def both(found: Model, path: Path, commands: dict[str, list[tuple[float, float]]
     return system.output_names, found_there, exact
 
 
+@needs_compiler
 @pytest.mark.parametrize(
     ("name", "effects", "commands"),
     [
@@ -106,6 +108,7 @@ def test_an_fmu_agrees_with_the_engine(
         assert np.abs(there[output] - exact[:, index]).max() <= 1e-6 * span, output
 
 
+@needs_compiler
 def test_parameters_of_an_fmu_can_be_set(tmp_path: Path) -> None:
     found, path = model("hl32-textbook.yaml"), tmp_path / "m.fmu"
     export_fmu(found, path)
@@ -116,6 +119,7 @@ def test_parameters_of_an_fmu_can_be_set(tmp_path: Path) -> None:
     assert np.abs(there["position"] - exact[:, 2]).max() <= 1e-6 * stroke
 
 
+@needs_compiler
 def test_a_step_can_be_reverted(tmp_path: Path) -> None:
     path = tmp_path / "m.fmu"
     export_fmu(model("hl32-textbook.yaml"), path)
@@ -144,6 +148,7 @@ def test_a_step_can_be_reverted(tmp_path: Path) -> None:
     slave.freeInstance()
 
 
+@needs_compiler
 def test_the_export_command_reports_the_fmu_and_refuses_wrong_targets(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

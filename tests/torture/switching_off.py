@@ -7,14 +7,17 @@ board. The times depend on how busy the computer is: the test suite checks only 
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import IO
 
 from board_emulation import Emulation
 from own_process import begin
@@ -67,22 +70,20 @@ class Tally:
 
 def off(folder: Path, *arguments: str) -> Off:
     """Call `rigctl off`."""
-    import resource
-    import selectors
 
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    began = time.monotonic()
-    with begin(folder, "off", *arguments, "--json") as process:
+    def read(stream: IO[str]) -> tuple[float, str]:
+        first = stream.read(1)
+        return time.monotonic() if first else math.inf, first + stream.read()
+
+    before, began = os.times(), time.monotonic()
+    with begin(folder, "off", *arguments, "--json") as process, ThreadPoolExecutor(2) as readers:
         assert process.stdout is not None
         assert process.stderr is not None
-        with selectors.DefaultSelector() as both:
-            both.register(process.stdout, selectors.EVENT_READ)
-            both.register(process.stderr, selectors.EVENT_READ)
-            both.select(60.0)
-        first = time.monotonic() - began
-        out, err = process.communicate(timeout=600)
-    took, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        (first, out), (first_error, err) = readers.map(read, (process.stdout, process.stderr))
+        process.wait(600)
+    took, after = time.monotonic() - began, os.times()
+    first = min(first, first_error) - began
+    cpu = after.children_user + after.children_system - before.children_user - before.children_system
     return Off(process.returncode, out, err, took, first, cpu)
 
 

@@ -8,9 +8,10 @@ import pytest
 
 from backends.contract.subjects import REAL, Subject, served, unreal
 from rigctl.clock import real_clock
+from systems import needs_simavr
 
 
-@pytest.fixture(params=["simulated", "emulated", *REAL])
+@pytest.fixture(params=["simulated", pytest.param("emulated", marks=needs_simavr), *REAL])
 def subject(request: pytest.FixtureRequest) -> Iterator[Subject]:
     """Each kind of bench."""
     if request.param == "simulated":

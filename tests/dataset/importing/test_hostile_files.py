@@ -23,6 +23,7 @@ from rigctl.dataset.importing import Options, first_pass, import_file, read_tabl
 from rigctl.dataset.importing.formats import foreign
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
+from systems import needs_posix
 
 RIG = Path(__file__).parents[3] / "rigs" / "hl32-bench.yaml"
 HERE = Path(__file__).parent
@@ -177,7 +178,7 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     [
         ("crash", "the program that reads this format crashed over it"),
         ("never_end", "did not end within 3 s of processor time"),
-        ("eat", "takes more than 0.4 GB of memory"),
+        pytest.param("eat", "takes more than 0.4 GB of memory", marks=needs_posix("a limit of memory")),
         ("leave", "the program that reads this format crashed over it, got 'exit status 3'"),
     ],
 )

@@ -92,7 +92,7 @@ class Changed:
         """The machine-readable answer."""
         version, done = self.version, self.version.done
         return {
-            "model": str(version.head),
+            "model": version.head.as_posix(),
             "version": version.number,
             "parent": version.parent,
             "effect": done.effect or None,

@@ -204,7 +204,9 @@ class VisaClient:
                 instrument.baud_rate, instrument.data_bits = settings["baud"], int(bits)
                 instrument.parity = {"N": Parity.none, "E": Parity.even, "O": Parity.odd}[parity]
                 instrument.stop_bits = StopBits.one if stops == "1" else StopBits.two
-        except self._errors as error:
+        except Exception as error:  # PyVISA-py raises none of its own where Windows refuses a connection
+            if not isinstance(error, self._errors) and type(error) is not Exception:
+                raise
             raise PortLost(f"{self._name}: {error}") from None
         return instrument
 

@@ -12,7 +12,7 @@ from rigctl.model.history.version import Version
 def history_document(versions: Sequence[Version], current: Version) -> dict[str, Any]:
     """The versions of a model as data; `errors` are the known errors, by version, for a plot."""
     return {
-        "model": str(current.head),
+        "model": current.head.as_posix(),
         "current": current.number,
         "versions": [{**version.document(), "kept": version.kept} for version in versions],
         "errors": [
