@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import signal
@@ -18,6 +19,12 @@ import pytest
 def needs_posix(what: str) -> pytest.MarkDecorator:
     """Mark a test that cannot run on Windows, with what is not there."""
     return pytest.mark.skipif(os.name != "posix", reason=f"needs {what}, which Windows has not")
+
+
+def needs_windows_itself(what: str) -> pytest.MarkDecorator:
+    """Mark a test that runs on Windows, as far as is known, but not under Wine, with what is not there."""
+    under_wine = sys.platform == "win32" and hasattr(ctypes.WinDLL("ntdll"), "wine_get_version")
+    return pytest.mark.skipif(under_wine, reason=f"needs {what}, which Wine has not")
 
 
 #: the emulated board

@@ -19,8 +19,11 @@ _SEARCHED: Final = "PYTHONPATH"
 
 
 def module_command(module: str, *arguments: str) -> list[str]:
-    """The command line that runs a module of rigctl, or of its libraries, in another process."""
-    return [sys.executable, "-P", "-m", module, *arguments]
+    """The command line that runs a module of rigctl, or of its libraries, in another process.
+
+    Its output is UTF-8, as whoever reads it expects: on Windows a pipe would have the code page of the user.
+    """
+    return [sys.executable, "-P", "-X", "utf8", "-m", module, *arguments]
 
 
 def isolate_children() -> None:

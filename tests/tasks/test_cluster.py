@@ -13,6 +13,7 @@ import pytest
 
 from rigctl.errors import RigctlError
 from rigctl.tasks import Workers, cluster, map_tasks, seed_of
+from systems import needs_windows_itself
 from tasks.pieces import slow
 
 TESTS = Path(__file__).parent.parent
@@ -61,6 +62,7 @@ def _address(path: Path) -> str:
     raise TimeoutError
 
 
+@needs_windows_itself("worker processes of Dask that answer")
 def test_killing_one_of_two_workers_loses_no_result(tmp_path: Path) -> None:
     found, killed = {}, None
     for index, result in map_tasks(partial(slow, str(tmp_path)), range(40), Workers(cluster="local:2")):
@@ -78,6 +80,7 @@ def test_killing_one_of_two_workers_loses_no_result(tmp_path: Path) -> None:
     assert len({process for piece, process in begun if int(piece) < 4}) == 2
 
 
+@needs_windows_itself("worker processes of Dask that answer")
 def test_a_dead_scheduler_is_reported_and_earlier_results_are_kept(
     tmp_path: Path, scheduler: tuple[str, subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -181,10 +181,8 @@ def _asking(directory: Path, model: Path, published: Comparison) -> Iterator[Cal
     from rigctl.cli.progress import progress_display
     from rigctl.errors import RigctlError
 
-    command = module_command(
-        "rigctl",
-        *("diagnose", published.runs[0], "--model", model.relative_to(directory).as_posix(), "--json"),
-    )
+    words = ("diagnose", published.runs[0], "--model", model.relative_to(directory).as_posix(), "--json")
+    command = module_command("rigctl", *words)
     with subprocess.Popen(  # noqa: S603 - our own program
         command, cwd=directory, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
@@ -196,7 +194,7 @@ def _asking(directory: Path, model: Path, published: Comparison) -> Iterator[Cal
                 *_, why = complaint.decode("utf-8", "replace").strip().splitlines() or [""]
                 raise RigctlError(
                     f"the published strokes were not diagnosed: {why.removeprefix('rigctl: ')}".rstrip(": "),
-                    hint=f"'{' '.join(command[3:])}'",
+                    hint=f"'rigctl {' '.join(words)}'",
                 )
             return dict(json.loads(printed))
 
