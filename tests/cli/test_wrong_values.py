@@ -95,6 +95,7 @@ ANY: tuple[str, ...] = ()
 
 #: wrong values of each parameter, by its name; where a command has its own, by both
 WRONG: dict[str, tuple[str, ...]] = {
+    "allow_driver": ("no-name", "no_such_package", "os"),
     "file": OURS,
     "rig": OURS,
     "model": OURS,

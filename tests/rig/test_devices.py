@@ -38,7 +38,7 @@ limits:
         ("b: {device: supply", "b: {device: daq", "no channel and no actuator belongs to this device"),
         ("/dev/ttyACM0", "10.0.0.7", "'daq' is at this address already"),
         ("devices:", "backend: {kind: serial}\ndevices:", "one backend or several devices"),
-        ("kind: serial", "kind: replay", "3:15: kind: not a known value, got 'replay'"),
+        ("kind: serial", "kind: replay", "3:15: kind: unknown kind of backend, got 'replay'"),
         ("kind: serial, ", "", "3:8: the field 'kind' is missing"),
         ("port: 10.0.0.7", "port: 10.0.0.7, lost: continue", "lost: a run cannot go on without a device yet"),
         ("b: {table", "c: {table", "4:62: unknown channel, got 'c'"),

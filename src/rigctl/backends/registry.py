@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
+from typing import Any
 
 from rigctl.backends.protocol import Backend
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError, require_known, unknown_name
+from rigctl.plugins import load_plugin, plugin_names
 from rigctl.rig import DEVICES, Rig
 
 #: name on the command line -> module whose ``create(rig, clock, options)`` makes it
@@ -23,6 +25,9 @@ _MODULES: Mapping[str, str] = {
     "simulated": "rigctl.backends.simulated.create",
     "visa": "rigctl.backends.visa.create",
 }
+
+#: group of the entry points of other packages; each is a module, or an object, with the same ``create``
+ENTRY_POINTS = "rigctl.backends"
 
 #: backends that stand for a whole bench, whatever its devices are
 _WHOLE = ("simulated", "emulated", "replay")
@@ -52,7 +57,7 @@ def create_backend(
         there is no such backend, or an option is unknown or wrong.
     """
     name, settings = _chosen(rig, choice, options)
-    backend: Backend = import_module(_MODULES[name]).create(rig, clock, settings)
+    backend: Backend = _module(name).create(rig, clock, settings)
     return backend
 
 
@@ -90,7 +95,7 @@ def addresses_with(rig: Rig, choice: str | None, options: Mapping[str, object]) 
             if (other := at.setdefault(address.key, device)) != device:
                 raise RigctlError(f"'{other}' and '{device}' are at one address", value=address.url)
         return found
-    module = import_module(_MODULES[name])
+    module = _module(name)
     return {"": module.address_of(rig, settings)} if hasattr(module, "address_of") else {}
 
 
@@ -121,8 +126,8 @@ def _chosen(
 ) -> tuple[str, dict[str, object]]:
     """Return the name of a backend, and its options."""
     name = choice or rig.kind
-    if name not in _MODULES:
-        raise unknown_name("backend", name, _MODULES)
+    if name not in _MODULES and name not in (installed := plugin_names(ENTRY_POINTS)):
+        raise unknown_name("backend", name, (*_MODULES, *installed))
     if (name == DEVICES) != bool(rig.devices) and name not in _WHOLE:
         has = "several devices" if rig.devices else "one backend"
         raise RigctlError(
@@ -132,8 +137,13 @@ def _chosen(
     return name, {**from_rig, **(options or {})}
 
 
+def _module(name: str) -> Any:
+    """Return what makes a backend: a module of rigctl, or what an installed package has registered."""
+    return import_module(_MODULES[name]) if name in _MODULES else load_plugin(ENTRY_POINTS, name)
+
+
 def other_readings(rig: Rig) -> Iterator[tuple[str, Rig]]:
     """Return the other number formats that the rig file could state, each with the corresponding rig."""
-    module = import_module(_MODULES[rig.backend_named()])
+    module = _module(rig.backend_named())
     if hasattr(module, "other_orders"):
         yield from module.other_orders(rig)

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, PrivateAttr
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
-from rigctl.errors import Location, RigctlError
+from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.files.amount import AnyAmount
 from rigctl.files.name import Name
-from rigctl.files.quantity import Q
+from rigctl.files.quantity import Q, reader_schema
 from rigctl.notebook import one_line
+from rigctl.plugins import plugin_names
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import Part
 from rigctl.rig.channel import Channel
@@ -43,12 +47,46 @@ DEVICES = "devices"
 _Rate = Annotated[float, Q("Hz", positive=True, high=f"{FASTEST:g} Hz")]
 
 
+#: the kinds of devices that rigctl has itself
+_KINDS = ("simulated", "serial", "modbus", "visa", "opcua", "python", "emulated")
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Reads a kind of backend: one of rigctl's own, or one that an installed package has registered."""
+
+    known: tuple[str, ...]
+
+    def read(self, written: object) -> str:
+        """Return the kind.
+
+        Raises
+        ------
+        RigctlError
+            there is none of this name; the entry points are read only then.
+        """
+        if isinstance(written, str) and written in self.known:
+            return written
+        installed = plugin_names("rigctl.backends")
+        if isinstance(written, str) and written in installed:
+            return written
+        raise unknown_name("kind of backend", str(written), (*self.known, *installed))
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Read with `read`; a RigctlError becomes an error of the field."""
+        return reader_schema(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Describe a text; editors complete rigctl's own kinds."""
+        return {"type": "string", "examples": list(self.known)}
+
+
 class Backend(Part):
     """The connection to the bench."""
 
-    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "python", "emulated", "replay"] = (
-        "simulated"
-    )
+    kind: Annotated[str, _Kind((*_KINDS, "replay"))] = "simulated"
     port: str | None = Field(
         default=None,
         description="serial port or pyserial URL, e.g. /dev/ttyACM0; host:port of Modbus; a VISA resource; opc.tcp://…",
@@ -74,9 +112,7 @@ class Backend(Part):
 class Device(Backend):
     """One of several devices of a bench, with the same fields as `backend`."""
 
-    kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "python", "emulated"] = Field(
-        description="how the device is reached"
-    )
+    kind: Annotated[str, _Kind(_KINDS)] = Field(description="how the device is reached")
     stale_after: Annotated[float, Q("s", positive=True)] | None = Field(
         default=None,
         description="readings older than this are no values, and silence for this time is a fault; by "

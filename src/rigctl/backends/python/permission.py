@@ -34,7 +34,7 @@ def require_allowed(package: str) -> None:
     """
     known = allowed()
     if package in sys.stdlib_module_names:
-        raise RigctlError("a module of Python itself is no driver", value=package)
+        require_package(package)
     if package not in known and not _asked(package):
         raise RigctlError(
             "this package has not been allowed to be imported for a driver",
@@ -42,9 +42,24 @@ def require_allowed(package: str) -> None:
             nearest=nearest_name(package, known),
             hint=f'drivers = ["{package}"] in rigctl.toml allows it, or --allow-driver {package}',
         )
+    require_package(package)
+
+
+def require_package(package: str, before: str = "") -> None:
+    """Require that a name is that of an installed package which may be one of drivers; nothing is imported.
+
+    Raises
+    ------
+    RigctlError
+        it is not; the message begins with `before`.
+    """
+    if package in sys.stdlib_module_names:
+        raise RigctlError(f"{before}a module of Python itself is no driver", value=package)
+    if not package.isidentifier():
+        raise RigctlError(f"{before}no name of a package", value=package, expected="e.g. pymeasure")
     if find_spec(package) is None:
         raise RigctlError(
-            "the package of the driver is not installed",
+            f"{before}the package of the driver is not installed",
             value=package,
             hint=f"pip install {package}, or the distribution that has it",
         )

@@ -15,6 +15,7 @@ from typing import Any
 from rigctl.backends.transport.address_key import address_key
 from rigctl.backends.transport.port import Port
 from rigctl.clock import Clock
+from rigctl.plugins import load_plugin
 
 #: kind of port -> module whose ``open_port(url, settings, clock)`` opens it
 _OPENERS: Mapping[str, str] = {
@@ -72,5 +73,7 @@ class Address:
         RigctlError
             there is no permission, or the address is invalid.
         """
-        port: Port = import_module(_OPENERS[self.kind]).open_port(self.url, self.settings, clock)
+        known = self.kind in _OPENERS
+        opener = import_module(_OPENERS[self.kind]) if known else load_plugin("rigctl.backends", self.kind)
+        port: Port = opener.open_port(self.url, self.settings, clock)
         return port

@@ -45,6 +45,7 @@ def examine(ports: Sequence[PortInfo] | PortsUnlisted = ()) -> Iterator[Finding]
     yield _engine_cache()
     yield _project()
     yield from _drivers()
+    yield from _plugins()
     yield emulator_finding()
     yield from rig_findings(find_project().root / "rigs")
     yield from port_findings(ports)
@@ -98,6 +99,18 @@ def _project() -> Finding:
     if not _writable(project.runs):
         return Finding("runs folder", "broken", *_unwritable(project.runs))
     return Finding("runs folder", "ok", project.runs.as_posix())
+
+
+def _plugins() -> Iterator[Finding]:
+    """What other installed packages add; one that cannot be loaded breaks nothing but itself."""
+    from rigctl.plugins import GROUPS, examine_plugins
+
+    for one in examine_plugins():
+        what = f"{GROUPS[one.group]} of {one.package}"
+        if one.trouble:
+            yield Finding(f"{one.name} (plug-in)", "broken", f"{what}: {one.trouble}", "update or remove it")
+        else:
+            yield Finding(f"{one.name} (plug-in)", "ok", what)
 
 
 def _drivers() -> Iterator[Finding]:

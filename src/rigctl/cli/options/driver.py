@@ -10,9 +10,11 @@ import typer
 def _allow(context: typer.Context, packages: list[str] | None) -> list[str] | None:
     """Allow packages for the duration of the command."""
     if not context.resilient_parsing:
-        from rigctl.backends.python.permission import allowing
+        from rigctl.backends.python.permission import allowing, require_package
         from rigctl.cli.attended_run import typing_possible
 
+        for package in packages or ():
+            require_package(package, "--allow-driver: ")
         context.with_resource(allowing(packages or (), _ask if typing_possible() else None))
     return packages
 

@@ -14,6 +14,7 @@ from rigctl.dataset.parquet import replace_with
 from rigctl.dataset.run import Run
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.write import write_error
+from rigctl.plugins import load_plugin, plugin_names
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -28,6 +29,8 @@ FORMATS: Final[Mapping[str, str]] = {
     ".mat": "mat_file",
     ".xlsx": "xlsx_file",
 }
+#: group of the entry points of other packages: by extension, a `Writer`
+ENTRY_POINTS: Final = "rigctl.exporters"
 #: the tables of a run that can be exported
 TABLES: Final = ("samples", "observations", "records", "events")
 
@@ -77,8 +80,9 @@ def export_run(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        endings = ", ".join(FORMATS)
+    installed = () if suffix in FORMATS else plugin_names(ENTRY_POINTS)
+    if suffix not in FORMATS and suffix not in installed:
+        endings = ", ".join((*FORMATS, *installed))
         raise RigctlError("unknown kind of file", value=path.name, expected=f"a name that ends in {endings}")
     wanted = table or default_table(run)
     if wanted not in TABLES:
@@ -88,11 +92,18 @@ def export_run(
     disarmed = 0
     if disarm and suffix == ".csv":
         content, disarmed = disarmed_texts(content)
-    module = import_module(f"rigctl.dataset.exporting.{FORMATS[suffix]}")
-    write = cast("Writer", module.write)
+    write = _writer(suffix)
     with replace_with(path) as draft, write_error(path):
         write(draft, content, run.records["name"].tolist(), wanted)
     return Exported(int(content.num_rows), disarmed)
+
+
+def _writer(suffix: str) -> Writer:
+    """Return the writer of a kind of file: rigctl's own, or that of an installed package."""
+    if suffix in FORMATS:
+        return cast("Writer", import_module(f"rigctl.dataset.exporting.{FORMATS[suffix]}").write)
+    write: Writer = load_plugin(ENTRY_POINTS, suffix)
+    return write
 
 
 def export_junit(run: Run, path: Path, *, overwrite: bool = False) -> int:

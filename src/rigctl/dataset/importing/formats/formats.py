@@ -13,10 +13,13 @@ from rigctl.dataset.importing.formats.long_format import is_long, open_long
 from rigctl.dataset.importing.formats.table import Source
 from rigctl.dataset.importing.options import Options
 from rigctl.errors import Location, RigctlError
+from rigctl.plugins import load_plugin, plugin_names
 
 #: opens a file, given its path and the caller's options
 Opener = Callable[[Path, Options], Source]
 
+#: group of the entry points of other packages: by extension, an `Opener`
+ENTRY_POINTS: Final = "rigctl.importers"
 _HERE: Final = "rigctl.dataset.importing.formats"
 #: module and function, imported when needed
 OPENERS: Final[Mapping[str, tuple[str, str]]] = {
@@ -57,9 +60,13 @@ def open_source(path: Path, options: Options) -> Source:
 
 
 def _open(path: Path, options: Options) -> Source:
-    module, function = OPENERS[ending_of(path)]
+    ending = ending_of(path)
     if path.exists() and not path.is_file() and not path.is_dir():  # reading it might never end
         raise RigctlError("cannot read the file: it is a pipe or a device", where=Location(path))
+    if ending not in OPENERS:
+        installed: Opener = load_plugin(ENTRY_POINTS, ending)
+        return installed(path, options)
+    module, function = OPENERS[ending]
     if module in _APART and isolated:
         return open_in_process(path, options, f"{_HERE}.{module}", function)
     opener = cast("Opener", getattr(import_module(f"{_HERE}.{module}"), function))
@@ -78,7 +85,11 @@ def ending_of(path: Path) -> str:
     for ending in sorted(OPENERS, key=len, reverse=True):
         if name.endswith(ending):
             return ending
-    expected = f"a name that ends in {', '.join(OPENERS)}"
+    installed = plugin_names(ENTRY_POINTS)
+    for ending in sorted(installed, key=len, reverse=True):
+        if name.endswith(ending):
+            return ending
+    expected = f"a name that ends in {', '.join((*OPENERS, *installed))}"
     hint = "Save the spreadsheet as XLSX or CSV" if name.endswith((".xls", ".ods")) else None
     raise RigctlError("unknown kind of file", value=path.name, expected=expected, hint=hint)
 
