@@ -294,7 +294,6 @@ def test_only_what_is_read_or_answered_is_called_confirmed(rig: Rig) -> None:
 
 def test_a_device_that_hangs_when_it_is_opened_is_named(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rigctl.backends.combined.bench._OPEN_WITHIN", 0.1)
-    monkeypatch.setattr("rigctl.backends.combined.bench._NEXT_AFTER", 0.1)
     monkeypatch.setattr("rigctl.backends.combined.bench._SAFE_WITHIN", 0.1)
     made = Two(rig)
     made.devices["slow"].hold.set()
@@ -302,6 +301,17 @@ def test_a_device_that_hangs_when_it_is_opened_is_named(rig: Rig, monkeypatch: p
         made.bench.open()
     assert made.devices["fast"].closed
     made.devices["slow"].hold.clear()
+
+
+def test_all_devices_are_opened_at_once(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each waits until the other is being opened too."""
+    made = Two(rig)
+    both = threading.Barrier(2, timeout=60.0)
+    for device in made.devices.values():
+        monkeypatch.setattr(device, "open", both.wait)
+    made.bench.open()
+    assert not both.broken
+    made.bench.close()
 
 
 def test_a_command_that_waits_for_a_stuck_device_is_dropped_once_outputs_are_to_be_safe(

@@ -24,8 +24,6 @@ from rigctl.rig import DEVICES, Rig
 _SAFE_WITHIN = 5.0
 #: s of wall time for all devices together to be opened; a device that hangs must not hold the others
 _OPEN_WITHIN = 60.0
-#: s of wall time after which the next device is opened though this one is not yet
-_NEXT_AFTER = 1.0
 #: s of wall time for a call that a device answers without being asked
 _AT_ONCE = 1.0
 #: s of wall time between two looks while something is opened: a signal is handled in between
@@ -91,15 +89,11 @@ class CombinedBench:
     # --- open and close -----------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Open all devices, the next beside a slow one; if one fails, the others are left, and safe."""
+        """Open all devices at once; if any fails, the others are left, and safe, and the error names all."""
         self._called()
         self._threads = {name: DeviceThread(name, bench, self._inbox) for name, bench in self.devices.items()}
-        opening: dict[str, Future[None]] = {}
+        opening = {name: thread.open() for name, thread in self._threads.items()}
         try:
-            for name, thread in self._threads.items():
-                opening[name] = thread.open()
-                # guards are processes that load libraries: many at once would make answers late
-                self._wait([opening[name]], _NEXT_AFTER)
             self._wait(opening.values(), _OPEN_WITHIN)
         except BaseException:
             self.close()
