@@ -8,7 +8,8 @@ from rigctl.engine.least_squares.block import Block, Refused
 from rigctl.engine.least_squares.identifiability import null_columns
 from rigctl.engine.least_squares.multi_start import multi_start
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
-from rigctl.engine.least_squares.solve import NoValueAtStart, Options, least_squares
+from rigctl.engine.least_squares.solve import NoValueAtStart, least_squares
+from rigctl.engine.least_squares.state import Options
 from rigctl.engine.least_squares.uncertainty import slopes_of_minimum
 from rigctl.engine.least_squares.unknown import Prior, Unknown, started
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rigctl.engine.least_squares.block import Evaluate
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult
-from rigctl.engine.least_squares.solve import Options, least_squares
+from rigctl.engine.least_squares.solve import least_squares
+from rigctl.engine.least_squares.state import Options
 from rigctl.engine.least_squares.unknown import Unknown
 from rigctl.errors import RigctlError
 
