@@ -11,6 +11,7 @@ import typer
 
 from rigctl.cli.commands.manual import Backend, RigFile, Speed
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.port import PortOption
 from rigctl.errors import RigctlError, unknown_name
@@ -62,7 +63,7 @@ def calibrate(
     *,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")] = False,
     dry: Annotated[bool, typer.Option("--dry", help="Fit and show, but write nothing.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Calibrate a channel: read it while you apply known values, and fit a line or polynomial.
 

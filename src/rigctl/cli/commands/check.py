@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.family import FamilyOption, check_family_of
 from rigctl.cli.options.procedure import ArgumentOption
 from rigctl.cli.progress import progress_display
@@ -30,7 +31,7 @@ def check(
     family: FamilyOption = None,
     *,
     everything: Annotated[bool, typer.Option("--all", help="Show every point of every sweep.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Validate a file and report what kind it is; for a procedure, print its plan: steps, records, duration,
     limits.

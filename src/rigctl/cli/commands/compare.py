@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import Assume, Fit, Force, HoldOut, Only, Page, Runs
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 
@@ -16,85 +18,6 @@ if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison
     from rigctl.analysis.fmu_rival import FmuRival
     from rigctl.command_line import DataOptions
-    from rigctl.dataset import Run
-    from rigctl.model import Model
-
-Runs = Annotated[
-    list[str],
-    typer.Argument(metavar="RUN...", help="Ids, starts of ids, paths, or 'latest'.", show_default=False),
-]
-AsPage = Annotated[
-    Path | None,
-    typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
-]
-OneModel = Annotated[
-    Path,
-    typer.Option("--model", "-m", metavar="M", help="Model file; M@3 is its version 3.", show_default=False),
-]
-
-
-def _condition(written: str | None) -> str | None:
-    """Refuse what is no expression before anything is read; its names are those of the records."""
-    if written is not None and written.strip():
-        from rigctl.expressions import parse
-
-        parse(written)
-    return written
-
-
-def _assumptions(written: list[str] | None) -> list[str] | None:
-    """Refuse what is no assignment before anything is read."""
-    from rigctl.dataset.assumptions import read_assumptions
-
-    read_assumptions(written or ())
-    return written
-
-
-HoldOut = Annotated[
-    str | None,
-    typer.Option(
-        "--hold-out",
-        metavar="EXPR",
-        callback=_condition,
-        help="Records to hold out of every fit, for evaluation only: 'oil == 60 degC', or by "
-        "number, counted from 1: 'record > 20'.",
-        show_default=False,
-    ),
-]
-Only = Annotated[
-    str | None,
-    typer.Option(
-        "--only",
-        metavar="EXPR",
-        callback=_condition,
-        help="Records to analyse, e.g. 'heater_1 > 0 %'; the noise is estimated from all records.",
-        show_default=False,
-    ),
-]
-Assume = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--assume",
-        metavar="NAME=VALUE",
-        callback=_assumptions,
-        help="Value of an input or actuator that the runs did not record, e.g. 'heater=0'; "
-        "repeatable. Otherwise it is estimated for each record.",
-        show_default=False,
-    ),
-]
-Page = Annotated[
-    Path | None,
-    typer.Option(
-        "--output", "-o", metavar="PAGE", help="Also write it as one HTML page.", show_default=False
-    ),
-]
-
-Force = Annotated[
-    bool,
-    typer.Option(
-        "--force", help="Let -o replace a file that is not a page of rigctl, but never one of a run."
-    ),
-]
 
 
 def compare(
@@ -112,12 +35,7 @@ def compare(
     hold_out: HoldOut = None,
     only: Only = None,
     *,
-    fit: Annotated[
-        bool,
-        typer.Option(
-            "--fit/--no-fit", help="Fit the model's free parameters first; its file is not changed."
-        ),
-    ] = True,
+    fit: Fit = True,
     assume: Assume = None,
     rival: Annotated[
         list[Path] | None,
@@ -136,7 +54,7 @@ def compare(
     verbose: Evidence = False,
     output: Page = None,
     force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Compare models with measurements: how well they agree, and where they fail.
 
@@ -157,6 +75,7 @@ def compare(
         from rigctl.answers.fmu_rival import rival_blocks
         from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
         from rigctl.cli.blocks import show, show_answer
+        from rigctl.cli.named_input import open_models, open_runs
         from rigctl.command_line import DataOptions
         from rigctl.files.quantity import Q
 
@@ -260,25 +179,3 @@ def _suggest_next(
         show_next(page, "writes a page; these data call for nothing more")
     else:
         show_next(diagnosis, "finds the missing effect")
-
-
-def open_runs(
-    written: Sequence[str], model: Model | None = None, assume: Sequence[str] | None = None
-) -> list[Run]:
-    """The runs, each once, with the assumed values of the model's inputs."""
-    from rigctl.dataset import open_run
-
-    runs = list({run.id: run for run in map(open_run, written)}.values())
-    if model is None or not assume:
-        return runs
-    from rigctl.model.measured.assumed import assuming
-
-    return [assuming(run, model, assume) for run in runs]
-
-
-def open_models(written: Sequence[Path]) -> list[Model]:
-    """The named models, from the current folder, the project or the shipped ones."""
-    from rigctl.model import load_model
-    from rigctl.project import find_file
-
-    return [load_model(find_file(path)) for path in written]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import AsPage
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import AsPage
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 
@@ -80,7 +81,7 @@ def compensate(
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Evidence = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Calculate the set-point that holds a measured quantity constant over the operating range, and check
     the result.
@@ -125,7 +126,7 @@ def compensate(
         from rigctl.answers.schedule import schedule_answer, schedule_evidence
         from rigctl.cli.analysis_page import require_page, write_page
         from rigctl.cli.blocks import show_answer
-        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.cli.named_input import open_models, open_runs
         from rigctl.compensation.schedule import compensate as compensated
 
         written = output or []
@@ -150,7 +151,7 @@ def compensate(
 def _judge(chosen: list[str], *, as_json: bool) -> None:
     from rigctl.answers.schedule import check_block
     from rigctl.cli.blocks import show
-    from rigctl.cli.commands.compare import open_runs
+    from rigctl.cli.named_input import open_runs
     from rigctl.compensation.paired_test import judge as judged
     from rigctl.errors import ExitCode
 

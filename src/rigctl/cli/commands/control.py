@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ Ref = Annotated[
     str | None,
     typer.Argument(metavar="[RUN]", help="Id, start of an id, or path; by default the run in progress."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 
 
 def pause(run: Ref = None, *, as_json: Json = False) -> None:

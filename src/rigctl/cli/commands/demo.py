@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.as_json import Json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,7 +41,7 @@ def demo(
     plain: Annotated[
         bool, typer.Option("--plain", help="Hide nothing: run only the campaign and write its page.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Tell the published story: the measured stroke falls as the oil warms, the textbook model says it rises;
     find the missing effect, and add it to the model.

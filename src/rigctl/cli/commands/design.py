@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import AsPage, Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster
@@ -84,7 +85,7 @@ def design(
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Evidence = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Design the records, or find the sensor, that would distinguish the remaining explanations.
 
@@ -104,7 +105,7 @@ def design(
         from rigctl.answers.design import design_answer, whole_design
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.blocks import show, show_answer
-        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.cli.named_input import open_models, open_runs
         from rigctl.command_line import DataOptions
         from rigctl.dataset.outputs import is_designed, require_output
         from rigctl.design.design import design_experiment

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import Assume, Force, HoldOut, OneModel, Only, Page, Runs
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import Assume, Force, HoldOut, OneModel, Only, Page, Runs
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster
@@ -95,7 +96,7 @@ def diagnose(
     cluster: Cluster = None,
     output: Page = None,
     force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Find out which effect a model lacks, how certain that is, and which effects cannot be distinguished
     from it.
@@ -117,7 +118,7 @@ def diagnose(
         from rigctl.analysis.diagnosis import diagnose_comparison
         from rigctl.analysis.improve import improve
         from rigctl.answers.documents import diagnosis_document, improvement_document
-        from rigctl.cli.commands.compare import open_runs
+        from rigctl.cli.named_input import open_runs
         from rigctl.command_line import DataOptions
         from rigctl.project import own_model
         from rigctl.tasks import Workers
@@ -377,7 +378,7 @@ def _compared(
     from rigctl.analysis.bootstrap import require_resampling
     from rigctl.analysis.comparison import compare
     from rigctl.analysis.fitting import require_free_parameters
-    from rigctl.cli.commands.compare import open_models, open_runs
+    from rigctl.cli.named_input import open_models, open_runs
 
     (model,) = open_models([path])
     require_free_parameters(model)

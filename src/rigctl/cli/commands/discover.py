@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import AsPage, Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster
@@ -53,7 +54,7 @@ def discover(
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Evidence = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Search for a formula of the missing term where no effect of the library is certain to be it.
 
@@ -74,7 +75,7 @@ def discover(
         from rigctl.answers.discovery import discovery_answer, discovery_evidence
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.blocks import show_answer
-        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.cli.named_input import open_models, open_runs
         from rigctl.command_line import DataOptions
         from rigctl.dataset.outputs import require_folder
         from rigctl.discovery.discover import discover as discovered

@@ -14,6 +14,7 @@ import typer
 
 from rigctl.cli.commands.doctor_finding import Finding
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def doctor(
         typer.Option(help="Rig file whose devices are read, all channels, at their ports or at --port."),
     ] = None,
     allow_driver: AllowDriverOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Report what is installed, what is missing and how to get it, and which serial ports can be used.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.family import use_family
 from rigctl.errors import Location, RigctlError, SeveralErrors
 
@@ -25,7 +26,6 @@ app = typer.Typer(
     "parameters whose null values switch it off exactly.",
 )
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Family = Annotated[
     str | None,
     typer.Option(

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.wording import number_of
 
 #: forms of an exported run besides tables
@@ -62,7 +63,7 @@ def export(
         ),
     ] = None,
     title: Annotated[str | None, typer.Option(help="Title of a crate.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Write a run's data to a file that other programs read, every column with its unit.
 

@@ -14,6 +14,7 @@ import typer
 
 from rigctl.cli.commands.init import mark_project
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.command_line import quoted, shell_word
 from rigctl.errors import Location, RigctlError
 
@@ -102,7 +103,7 @@ def new(
     fit: Annotated[
         bool, typer.Option("--fit/--no-fit", help="Fit the draft to the data once, and plot both.")
     ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Write draft family, rig, procedure and model files for editing; nothing is overwritten.
 

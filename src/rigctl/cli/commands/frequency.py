@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import Assume, Force, Page, Runs, _condition
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import Assume, Fit, Force, Page, Runs, check_condition
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 
@@ -55,7 +56,7 @@ def frequency(
         typer.Option(
             "--only",
             metavar="EXPR",
-            callback=_condition,
+            callback=check_condition,
             help="Records to use, e.g. 'record == 2'; with --model as for 'rigctl compare'.",
             show_default=False,
         ),
@@ -70,19 +71,14 @@ def frequency(
         ),
     ] = None,
     *,
-    fit: Annotated[
-        bool,
-        typer.Option(
-            "--fit/--no-fit", help="Fit the model's free parameters first; its file is not changed."
-        ),
-    ] = True,
+    fit: Fit = True,
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Evidence = False,
     output: Page = None,
     force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Measure how a channel follows an actuator over frequency: magnitude, phase, coherence, intervals.
 
@@ -143,7 +139,7 @@ def _found(
 ) -> tuple[list[Run], list[FrequencyResponse]]:
     """The runs, and their responses to what was asked: input, output, condition and resolution."""
     from rigctl.analysis.frequency_response import frequency_responses, responses_of_fit
-    from rigctl.cli.commands.compare import open_models, open_runs
+    from rigctl.cli.named_input import open_models, open_runs
     from rigctl.errors import RigctlError
 
     input_name, output_name, only, step = asked

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.progress import progress_display
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
@@ -136,7 +137,7 @@ def import_(
         Path | None,
         typer.Option("-o", "--output", help="With --dry-run: .png or .svg file for the figure."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Import files of samples as a run, and print its id.
 

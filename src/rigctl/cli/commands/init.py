@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.errors import Location, RigctlError
 
 _MARKER = """\
@@ -126,7 +127,7 @@ def init(
     minimal: Annotated[
         bool, typer.Option("--minimal", help="Leave out the shipped benches: for your own data and bench.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Create a working project folder: rigs, procedures, models, data, and a README with the first commands.
 

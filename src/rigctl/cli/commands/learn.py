@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigctl.cli.commands.compare import HoldOut
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import HoldOut
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence
 from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.family import FamilyOption
@@ -106,7 +107,7 @@ def learn(
     ] = False,
     serve: ServeOption = False,
     verbose: Evidence = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Measure in rounds until the model agrees with the data and every effect in it is distinguished from
     its rivals.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.port import PortOption
 from rigctl.errors import ExitCode, RigctlError
@@ -41,7 +42,7 @@ def off(
     clear_trips: Annotated[
         bool, typer.Option("--clear-trips", help="Also clear latched trips; their cause must be gone.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Put every output of the bench into its safe state immediately, and read it back.
 
@@ -104,7 +105,7 @@ def jog(
     readings: Annotated[
         bool, typer.Option("--readings", help="Also print each sample, as 'monitor' does.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Move one actuator by hand, within its range and under the interlocks; outputs are safe afterwards.
 

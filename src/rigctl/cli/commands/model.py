@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import Assume, HoldOut, Only, Runs
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import Assume, HoldOut, Only, Runs
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.errors import RigctlError
@@ -21,7 +22,6 @@ app = typer.Typer(
     "in '.history' beside the file and never change.",
 )
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 ModelFile = Annotated[
     Path, typer.Argument(metavar="M", help="Model file; M@3 is its version 3.", show_default=False)
 ]

@@ -13,8 +13,8 @@ from rigctl.answers.comparison import departures
 from rigctl.answers.history import error_change, held_out_change
 from rigctl.answers.model_errors import error_bars
 from rigctl.cli.blocks import show, show_answer
-from rigctl.cli.commands.compare import open_runs
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.named_input import open_runs
 from rigctl.cli.next_command import show_next
 from rigctl.cli.progress import progress_display
 from rigctl.cli.tables import console, table

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.quantities import read_option, read_quantities
 from rigctl.errors import RigctlError
 from rigctl.units import convert, parse_unit, significant
@@ -39,7 +40,7 @@ def oil(
         typer.Option(help="Three measured points (Pa*s or cSt) from which Vogel's constants are calculated."),
     ] = None,
     model: Annotated[str, typer.Option(help="Pressure law: barus or modulus.")] = "barus",
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Show an oil's density and viscosity, and compare the law with published measurements.
 

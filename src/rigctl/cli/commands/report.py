@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import Assume
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.analysis import Assume
 from rigctl.cli.options.cache import NoCache, Verbose
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.progress import progress_display
@@ -84,7 +84,7 @@ def report(
     _require_model(model, diagnose=diagnose, assume=assume)
     with progress_display("Reading the runs", "nothing was saved") as on_progress:
         from rigctl.cli.analysis_page import require_page
-        from rigctl.cli.commands.compare import open_models, open_runs
+        from rigctl.cli.named_input import open_models, open_runs
         from rigctl.report import write_report
 
         models = open_models(model or ())

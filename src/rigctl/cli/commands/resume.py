@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rigctl.cli.echo import echo
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.port import PortOption
@@ -23,7 +24,7 @@ def resume(
     ] = None,
     family: FamilyOption = None,
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Resume a run at its first incomplete record.
 

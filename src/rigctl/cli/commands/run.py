@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
@@ -53,7 +54,7 @@ def run(
         typer.Option("--answer-in-browser", help="Have questions answered on the page of 'rigctl serve'."),
     ] = False,
     serve: ServeOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Carry out a procedure on the bench and record it.
 

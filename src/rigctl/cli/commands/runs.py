@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.options.as_json import Json
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.printable import printable
 from rigctl.units import significant
@@ -30,7 +31,6 @@ app = typer.Typer(
     "A RUN is given by its id, an unambiguous start of it, its path, or 'latest'.",
 )
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Where = Annotated[
     str | None,
     typer.Option(

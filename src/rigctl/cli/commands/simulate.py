@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
 from rigctl.cli.options.procedure import ArgumentOption, RigOption
@@ -46,7 +47,7 @@ def simulate(
     family: FamilyOption = None,
     *,
     serve: ServeOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Carry out a procedure on the simulated bench and record it like any other run.
 

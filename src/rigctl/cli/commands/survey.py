@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.compare import Assume, Force, OneModel, Only, Page
 from rigctl.cli.echo import print_json
+from rigctl.cli.options.analysis import Assume, Force, OneModel, Only, Page
+from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster, WorkerCount
@@ -96,7 +97,7 @@ def survey(
     verbose: Evidence = False,
     output: Page = None,
     force: Force = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Analyse many runs with one model: what has changed, since when, and how certain that is.
 
@@ -125,7 +126,7 @@ def survey(
         from rigctl.answers.survey import survey_answer, survey_evidence
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.blocks import show_answer
-        from rigctl.cli.commands.compare import open_models
+        from rigctl.cli.named_input import open_models
         from rigctl.dataset.outputs import require_output
         from rigctl.errors import ExitCode
         from rigctl.monitoring.survey import survey as surveyed
