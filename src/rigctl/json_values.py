@@ -1,4 +1,4 @@
-"""Values as JSON has them, and JSON that may come from anyone."""
+"""Values as JSON has them, and JSON that is not trusted."""
 
 from __future__ import annotations
 

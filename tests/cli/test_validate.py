@@ -13,9 +13,9 @@ from commands import refusal
 from rigctl.cli.catalogue import BY_NAME
 from rigctl.cli.main import app
 from rigctl.errors import ExitCode, RigctlError
-from rigctl_validation.anyone.trial import BenchTrial
 from rigctl_validation.outcome import Outcome, TrialOutcome
 from rigctl_validation.scenario import Scenario, Wanted
+from rigctl_validation.small_benches.trial import BenchTrial
 
 SCENARIOS = (
     Scenario("nothing", seed=1),
@@ -122,7 +122,7 @@ def test_the_tier_of_other_benches_is_run_and_reported_alike(monkeypatch: pytest
     def say_adequate(trial: BenchTrial) -> TrialOutcome[BenchTrial]:
         return TrialOutcome(trial, verdict="adequate")
 
-    monkeypatch.setattr("rigctl_validation.anyone.work.carry_out_trial", say_adequate)
+    monkeypatch.setattr("rigctl_validation.small_benches.work.carry_out_trial", say_adequate)
     found = json.loads(told("--tier", "anyone", "--first", "20", "--json"))
     rates = {(rate["name"], rate["of"]): rate for rate in found["rates"]}
     assert rates["false alarm", "nothing hidden"]["count"] == 0

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from rigctl.errors import RigctlError
-from rigctl_validation.anyone.rates import bench_figures
-from rigctl_validation.anyone.tier import SIZES, bench_trials
-from rigctl_validation.anyone.trial import BenchTrial
-from rigctl_validation.anyone.work import amplitude_of, carry_out_trial
 from rigctl_validation.benches.__main__ import main
 from rigctl_validation.benches.bench import BenchCampaign
 from rigctl_validation.benches.motion import integrate, with_dry_friction
 from rigctl_validation.benches.register import BENCHES, find_bench
 from rigctl_validation.benches.size import size_of
 from rigctl_validation.outcome import TrialOutcome, Verdict
+from rigctl_validation.small_benches.rates import bench_figures
+from rigctl_validation.small_benches.tier import SIZES, bench_trials
+from rigctl_validation.small_benches.trial import BenchTrial
+from rigctl_validation.small_benches.work import amplitude_of, carry_out_trial
 
 
 def test_dry_friction_brings_a_sliding_mass_to_rest_and_holds_it() -> None:

@@ -43,10 +43,10 @@ class TierDefinition(Generic[AnyTrial]):
 def tier_definition(name: TierName) -> TierDefinition[Any]:  # noqa: PLR0911 - one for each tier
     """The tier of a name; only what it needs is imported."""
     if name == "anyone":
-        from rigctl_validation.anyone.rates import bench_figures
-        from rigctl_validation.anyone.tier import bench_trials
-        from rigctl_validation.anyone.trial import BenchTrial
-        from rigctl_validation.anyone.work import carry_out_trial
+        from rigctl_validation.small_benches.rates import bench_figures
+        from rigctl_validation.small_benches.tier import bench_trials
+        from rigctl_validation.small_benches.trial import BenchTrial
+        from rigctl_validation.small_benches.work import carry_out_trial
 
         return TierDefinition(bench_trials(), carry_out_trial, BenchTrial.read, bench_figures)
     if name == "moving":

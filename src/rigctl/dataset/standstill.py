@@ -131,9 +131,9 @@ class StandstillDetector:
     def _add_stretches(self, times: NDArray[np.float64], values: NDArray[np.float64]) -> None:
         starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
         ends = np.append(starts[1:], values.size)
-        told = ends - starts >= _STORED
-        told[[0, -1]] = True  # they may continue in the piece before or after
-        for start, end in zip(starts[told].tolist(), ends[told].tolist(), strict=True):
+        stored = ends - starts >= _STORED
+        stored[[0, -1]] = True  # they may continue in the piece before or after
+        for start, end in zip(starts[stored].tolist(), ends[stored].tolist(), strict=True):
             value, begin, before = float(values[start]), float(times[start]), 0
             if start == 0 and self._open is not None and self._open.value == value:
                 begin, before = self._open.begin, self._open.readings
@@ -161,23 +161,23 @@ class StandstillDetector:
                 # a value to which a channel returns is a level of rest, as that of a dead band: no sensor
                 # sticks again and again at one value among many
                 often = Counter(one.value for one in stretches[:count])
-                told = (
+                stuck = (
                     one
                     for one in stretches[:count]
                     if one.value not in self._ends and often[one.value] < _RETURNS
                 )
-                return sorted(told, key=lambda one: (one.record, one.begin))
+                return sorted(stuck, key=lambda one: (one.record, one.begin))
         return []
 
-    def _no_coincidence(self, told: list[Standstill], longest_other: int) -> bool:
+    def _no_coincidence(self, stretches: list[Standstill], longest_other: int) -> bool:
         """Whether the noise of all other readings rules out stretches as long as the shortest of these."""
-        readings = sum(one.readings for one in told)
+        readings = sum(one.readings for one in stretches)
         others = self._readings - readings
-        shortest = told[-1].readings
+        shortest = stretches[-1].readings
         if shortest < max(_FEWEST, _FAR * longest_other) or others < _FEWEST_OTHERS:
             return False
-        equal = self._equal - (readings - len(told))
-        pairs = max(self._pairs - (readings - len(told)), 1)
+        equal = self._equal - (readings - len(stretches))
+        pairs = max(self._pairs - (readings - len(stretches)), 1)
         share = min((equal + 1.0) / (others + 2.0), 1.0)
         if self._noisy >= _NOISY * pairs:
             most = _MOSTLY

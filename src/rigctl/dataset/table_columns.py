@@ -1,4 +1,4 @@
-"""The columns of a run's tables that everything relies on, in files that may come from anyone."""
+"""The columns of a run's tables that everything relies on, in files that are not trusted."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from rigctl.errors import RigctlError
-from rigctl.plan.behaviour import Behaviour, Bench, Question
+from rigctl.plan.behaviour import Behaviour, Question, StepBench
 from rigctl.plan.forecast import Forecast, ForecastBench, State
 from rigctl.rig import Rig
 
@@ -43,7 +43,7 @@ class Action(ABC):
         """Return the expected duration from `state`, and the expected state of the bench afterwards."""
 
     @abstractmethod
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Return a generator that executes it on `bench`, yields wait conditions, and returns its outcome.
 
         Raises
@@ -57,7 +57,7 @@ class Action(ABC):
         """The minimum sampling rate that it needs outside records, Hz; 0 if any rate is sufficient."""
         return 0.0
 
-    def refusal(self, bench: Bench) -> RigctlError | None:
+    def refusal(self, bench: StepBench) -> RigctlError | None:
         """Return the error if this bench cannot execute it, checked before anything moves; None if it can."""
         return None
 

@@ -9,12 +9,12 @@ from pydantic import Field, model_validator
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.refusal import refusal
-from rigctl.plan.fields import Part, Short, UnitName
+from rigctl.plan.fields import ProcedurePart, Short, UnitName
 from rigctl.plan.values import AnyValue, Value, Variable
 from rigctl.units import Quantity, describe, parse_quantity, parse_unit
 
 
-class ArgumentFields(Part):
+class ArgumentFields(ProcedurePart):
     """A quantity, or a list of quantities, that a call or the command line may give."""
 
     description: str = Field(default="", description="its purpose")

@@ -123,7 +123,7 @@ class Receipt(Protocol):
         ...
 
 
-class Bench(Protocol):
+class StepBench(Protocol):
     """The interface of the bench to steps; values in SI, times in s on the bench's clock."""
 
     rig: Rig

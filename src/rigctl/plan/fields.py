@@ -25,7 +25,7 @@ from rigctl.files.refusal import refusal
 from rigctl.units import parse_unit
 
 
-class Part(BaseModel):
+class ProcedurePart(BaseModel):
     """A part of a procedure file: frozen; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)

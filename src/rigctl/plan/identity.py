@@ -14,13 +14,13 @@ from pydantic import Field, model_validator
 
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
-from rigctl.plan.fields import Part, Short
+from rigctl.plan.fields import ProcedurePart, Short
 
 #: largest length of a field's text
 LONGEST: Final = 200
 
 
-class IdentityField(Part):
+class IdentityField(ProcedurePart):
     """One property of the device under test, or the person in charge: a text, and its required form."""
 
     default: str | None = Field(default=None, max_length=LONGEST, description="used if nothing else is given")
@@ -72,7 +72,7 @@ class IdentityField(Part):
 _Text = Annotated[IdentityField, Short("default")]
 
 
-class IdentityFields(Part):
+class IdentityFields(ProcedurePart):
     """What a procedure states about the device under test, and requires before anything moves."""
 
     serial_number: _Text = Field(default=IdentityField(), description="of the device under test")

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 from pydantic import Field
 
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Part
+from rigctl.plan.fields import ProcedurePart
 from rigctl.plan.tree import Node
 
 
-class Step(Part):
+class Step(ProcedurePart):
     """One entry of a list of steps: a mapping whose first key, the verb, determines its kind."""
 
     verb: ClassVar[str]
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     AnyStep: TypeAlias = Step
 
 
-class Cleanup(Part):
+class Cleanup(ProcedurePart):
     """The steps that are carried out when a block is left, in whatever way."""
 
     on_failure: list[AnyStep] | None = Field(default=None, description="when one of its steps failed")

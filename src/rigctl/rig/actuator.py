@@ -9,12 +9,12 @@ from pydantic import Field
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.amount import AmountField, AnyAmount, AnyRate
 from rigctl.files.quantity import Q
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.setting import POSITIONS
 from rigctl.units import read_si, show
 
 
-class Actuator(Part):
+class Actuator(RigFilePart):
     """An output of the bench.
 
     A *switch* is off (0) or on (1); a *directional_valve* retracts (-1), rests (0) or extends (+1); a

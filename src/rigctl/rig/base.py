@@ -11,7 +11,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 
 
-class Part(BaseModel):
+class RigFilePart(BaseModel):
     """A part of a rig file: frozen; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, validate_default=False)

@@ -12,14 +12,14 @@ from pydantic import Field, FiniteFloat
 
 from rigctl.files.amount import AnyDifference
 from rigctl.files.quantity import Q
-from rigctl.rig.base import IsoDate, Part
+from rigctl.rig.base import IsoDate, RigFilePart
 
 _BISECTIONS = 60
 #: how many of zero, gain and curvature a calibration of each kind leaves uncertain
 _PARTS = {"point": 1, "line": 2, "data_sheet": 3}
 
 
-class Raw(Part):
+class Raw(RigFilePart):
     """The range of the analogue-digital converter behind a channel.
 
     A converter of `bits` bits gives 2^bits values, evenly from `low` to `high`.
@@ -41,7 +41,7 @@ class Raw(Part):
         return self.low + round((clipped - self.low) / self.step) * self.step
 
 
-class Calibration(Part):
+class Calibration(RigFilePart):
     """A polynomial from raw values to the channel's display unit: ``sum(c[k] * raw**k)``."""
 
     coefficients: tuple[FiniteFloat, ...] = Field(

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyAmount, AnyDifference
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
 from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import Unit, interval_unit, parse_unit, show
@@ -74,7 +74,7 @@ QuantityName: TypeAlias = Literal[
 ]
 
 
-class Channel(Part):
+class Channel(RigFilePart):
     """One sensor: the quantity, its display unit, and the conversion from raw to physical values."""
 
     unit: str = Field(description="unit for display and storage, e.g. bar")

@@ -8,10 +8,10 @@ from pydantic import Field
 
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 
 
-class Clock(Part):
+class Clock(RigFilePart):
     """The channels whose readings one device or logger dates, with a clock that may be off.
 
     Its offset counts against the clock of the commands, by which every channel under no clock is dated. It is

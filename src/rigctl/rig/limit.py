@@ -10,12 +10,12 @@ from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyAmount, AnyRate
 from rigctl.files.quantity import Q
 from rigctl.files.refusal import refusal
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 
 _BOUNDS = ("above", "below", "rate_above", "rate_below", "unchanged")
 
 
-class Limit(Part):
+class Limit(RigFilePart):
     """One bound of one channel: on its value, its rate of change over the last `over` seconds, or standstill.
 
     It trips when the bound has been exceeded for `for`, without a break or in total within `out_of`, or when

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyAmount, AnyDifference
 from rigctl.files.refusal import refusal
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.channel import Channel, QuantityName
 
 _PRICE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([^\d\s]\S*)?\s*")
@@ -45,7 +45,7 @@ AnyPrice = Annotated[
 ]
 
 
-class PossibleChannel(Part):
+class PossibleChannel(RigFilePart):
     """A sensor that could be added to the bench; `rigctl design --sensors` evaluates its benefit."""
 
     unit: str = Field(description="its display unit, e.g. bar")

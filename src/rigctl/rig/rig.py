@@ -22,7 +22,7 @@ from rigctl.files.quantity import Q, reader_schema
 from rigctl.notebook import one_line
 from rigctl.plugins import plugin_names
 from rigctl.rig.actuator import Actuator
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.channel import Channel
 from rigctl.rig.clock import Clock
 from rigctl.rig.layout import Layout
@@ -83,7 +83,7 @@ class _Kind:
         return {"type": "string", "examples": list(self.known)}
 
 
-class Backend(Part):
+class Backend(RigFilePart):
     """The connection to the bench."""
 
     kind: Annotated[str, _Kind((*_KINDS, "replay"))] = "simulated"
@@ -124,7 +124,7 @@ class Device(Backend):
     )
 
 
-class Rig(Part):
+class Rig(RigFilePart):
     """Channels, actuators, constants of the model, limits and the safe state."""
 
     name: str = Field(min_length=1, description="name of the bench")

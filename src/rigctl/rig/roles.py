@@ -7,11 +7,11 @@ from collections.abc import Container
 from pydantic import Field
 
 from rigctl.files.amount import AnyDifference
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.setting import Setting
 
 
-class HeatRole(Part):
+class HeatRole(RigFilePart):
     """The actuator and channel of `heat`."""
 
     actuator: str
@@ -21,14 +21,14 @@ class HeatRole(Part):
     )
 
 
-class SetRole(Part):
+class SetRole(RigFilePart):
     """The actuator and channel of `set_pressure`."""
 
     actuator: str
     channel: str
 
 
-class MoveRole(Part):
+class MoveRole(RigFilePart):
     """The actuator of `extend` or `retract`, its position, and the channel of the motion."""
 
     actuator: str
@@ -36,7 +36,7 @@ class MoveRole(Part):
     position: str | None = Field(default=None, description="the channel that measures the position")
 
 
-class Roles(Part):
+class Roles(RigFilePart):
     """Steps that need a missing role are refused before anything moves."""
 
     heat: HeatRole | None = None

@@ -9,10 +9,10 @@ from pydantic import Field
 from rigctl.files.amount import AnyAmount
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 
 
-class Simulation(Part):
+class Simulation(RigFilePart):
     """Initial state, surroundings and randomness of the simulated bench."""
 
     initial: dict[Name, AnyAmount] = Field(

@@ -11,10 +11,10 @@ from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyDifference
 from rigctl.files.quantity import Q
 from rigctl.files.refusal import refusal
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 
 
-class StatedNoise(Part):
+class StatedNoise(RigFilePart):
     """The parts of a channel's noise: one from reading to reading, and one that changes slowly.
 
     Their variances add up. Readings a time t apart have the covariance ``slow²·exp(−t/over)``.

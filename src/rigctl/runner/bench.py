@@ -457,13 +457,13 @@ class Bench:
         if self.reachable:
             return None
         doubts = self._doubts
-        told = {self.rig.device_of(name) for name in doubts}
+        devices = {self.rig.device_of(name) for name in doubts}
         others = ", ".join(
             self._with_device(name)
             for name in self.rig.safe_state
             if self.rig.actuators[name].by == "driven"
             and name not in self._confirmed
-            and self.rig.device_of(name) not in told
+            and self.rig.device_of(name) not in devices
         )
         if self._unseen_since is None or not others:
             return self._shown(doubts)
@@ -488,8 +488,10 @@ class Bench:
         """The outputs driven by this run whose safe state nothing can confirm, as in `unconfirmed`: the bench
         neither reports them nor answers their commands."""
         known = self.backend.outputs_read | self.backend.outputs_answered
-        told = self._doubts.keys()  # by `unconfirmed`
-        return self._shown({name: value for name, value in self._driven.items() if name not in known | told})
+        doubted = self._doubts.keys()  # named by `unconfirmed`
+        return self._shown(
+            {name: value for name, value in self._driven.items() if name not in known | doubted}
+        )
 
     @property
     def safe_on_trust(self) -> str | None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from rigctl.plan.behaviour import Bench, Until, Waiting
+from rigctl.plan.behaviour import StepBench, Until, Waiting
 
 #: s between two commands on the way to a level
 _PERIOD = 0.1
 
 
-def approach(bench: Bench, levels: Mapping[str, float]) -> Waiting:
+def approach(bench: StepBench, levels: Mapping[str, float]) -> Waiting:
     """Bring actuators from their present commands to levels, SI, together, each at its ``max_rate``.
 
     An actuator without one is commanded at once. Only the safe state is never approached slowly: endings and

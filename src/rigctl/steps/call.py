@@ -10,14 +10,14 @@ from pydantic import Field
 from rigctl.errors import RigctlError
 from rigctl.plan.arguments import bind
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Name, Part, Short
+from rigctl.plan.fields import Name, ProcedurePart, Short
 from rigctl.plan.step import Cleanup, Step
 from rigctl.plan.tree import GroupKind, Node
 from rigctl.plan.value_text import shown_bindings
 from rigctl.plan.values import AnyValue, Variable
 
 
-class CallFields(Part):
+class CallFields(ProcedurePart):
     """The called procedure sees only its arguments."""
 
     procedure: str = Field(min_length=1, description="its file, relative to this file or to the project")

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema,
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Name, Part
+from rigctl.plan.fields import Name, ProcedurePart
 from rigctl.plan.step import Block
 from rigctl.plan.sweep import combine, paired, repeated, shuffled, spaced, stepped
 from rigctl.plan.tree import Group, GroupKind
@@ -21,7 +21,7 @@ from rigctl.units import Quantity
 from rigctl.wording import number_of
 
 
-class Spaced(Part):
+class Spaced(ProcedurePart):
     """Values from `from` to `to`, both included: in steps of `step`, or `count` values evenly spaced."""
 
     from_: AnyValue = Field(alias="from", description="the first value")

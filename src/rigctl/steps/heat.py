@@ -9,9 +9,9 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from rigctl.plan.action import Action, SetPoint
-from rigctl.plan.behaviour import Behaviour, Bench, Until, every_sample
+from rigctl.plan.behaviour import Behaviour, StepBench, Until, every_sample
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Part, Short
+from rigctl.plan.fields import ProcedurePart, Short
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, OilTank, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_set_point
@@ -31,7 +31,7 @@ from rigctl.steps.settling import Settling, check_settling
 from rigctl.units import show
 
 
-class HeatFields(Part):
+class HeatFields(ProcedurePart):
     """The temperature is reached when it has stayed within the tolerance for `settle`."""
 
     to: Temperature = Field(description="the desired temperature")
@@ -141,7 +141,7 @@ class Heat(Action):
         """Return the desired temperature."""
         return SetPoint(self.channel, self.to, self.within)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Switch the heater with hysteresis until the mean reading has been within tolerance for `settle` s.
 
         Oil that is too hot cools by itself. The heater is off after the step, however it ends.
@@ -182,7 +182,7 @@ class _Thermostat:
     the tolerance before it had settled.
     """
 
-    def __init__(self, action: Heat, bench: Bench) -> None:
+    def __init__(self, action: Heat, bench: StepBench) -> None:
         actuator = bench.rig.actuators[action.actuator]
         role = bench.rig.roles.heat
         band = role.hysteresis if role is not None else None

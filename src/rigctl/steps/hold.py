@@ -8,9 +8,9 @@ from typing import ClassVar
 from pydantic import Field
 
 from rigctl.plan.action import Action, SetPoint
-from rigctl.plan.behaviour import Behaviour, Bench, Row, Until
+from rigctl.plan.behaviour import Behaviour, Row, StepBench, Until
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Part
+from rigctl.plan.fields import ProcedurePart
 from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_set_point
@@ -22,7 +22,7 @@ from rigctl.steps.readings import reading
 from rigctl.units import show
 
 
-class HoldFields(Part):
+class HoldFields(ProcedurePart):
     """The step fails as soon as the channel leaves the tolerance."""
 
     for_: Duration = Field(alias="for", description="how long")
@@ -76,7 +76,7 @@ class Hold(Action):
         """Return the channel and the value that is held."""
         return SetPoint(self.channel, self.at, self.within)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Let `duration` s pass while the channel stays within tolerance.
 
         A reading outside the physical range of the channel contains no information on the measured quantity:

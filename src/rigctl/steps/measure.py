@@ -14,9 +14,9 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.expressions import Expression, ValueType, parse, type_of_unit
 from rigctl.files.refusal import refusal
 from rigctl.plan.action import Action
-from rigctl.plan.behaviour import CHECKPOINT, Behaviour, Bench
+from rigctl.plan.behaviour import CHECKPOINT, Behaviour, StepBench
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Name, Part, UnitName
+from rigctl.plan.fields import Name, ProcedurePart, UnitName
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.missing import MOST_MISSING
@@ -35,7 +35,7 @@ class Missed(Enum):
     CONTINUE = "continue"  #: it is recorded as missed; the run continues and ends with exit code 1
 
 
-class MeasureFields(Part):
+class MeasureFields(ProcedurePart):
     """A value from recorded data, with optional limits."""
 
     name: Name = Field(description="name of the value")
@@ -170,7 +170,7 @@ class Measure(Action):
         """Forecast no time."""
         return Forecast(0.0, Basis.TIMED, state)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Compute the value, and store it with the open record or, without one, with the run.
 
         Raises

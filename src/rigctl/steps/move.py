@@ -12,9 +12,9 @@ from rigctl.errors import RigctlError
 from rigctl.expressions import Expression
 from rigctl.files.refusal import refusal
 from rigctl.plan.action import Action, SetPoint
-from rigctl.plan.behaviour import Behaviour, Bench, OnPause, Until
+from rigctl.plan.behaviour import Behaviour, OnPause, StepBench, Until
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Condition, Part, Short
+from rigctl.plan.fields import Condition, ProcedurePart, Short
 from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_set_point
@@ -33,7 +33,7 @@ _WITHIN = LENGTH_TOLERANCE.read("1 mm")
 _VALVE = 0.1
 
 
-class MoveFields(Part):
+class MoveFields(ProcedurePart):
     """The move is ended by exactly one of `for`, `until` and `to`; the valve then closes."""
 
     for_: Duration | None = Field(
@@ -194,7 +194,7 @@ class Move(Action):
             return None
         return SetPoint(self.position, self.target, self.within)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Move; at the end the actuator is back at its safe value, whatever the outcome.
 
         Raises
@@ -208,14 +208,14 @@ class Move(Action):
             return approach(self, bench)
         return self._until(bench)
 
-    def _for_a_time(self, bench: Bench, duration: float) -> Behaviour:
+    def _for_a_time(self, bench: StepBench, duration: float) -> Behaviour:
         """Move for a time, measured by the bench if possible, so that delays of the host do not matter."""
         receipt = yield from bench.command(self.actuator, self.value, duration)
         yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
         yield from bench.finish_pulse(self.actuator)
         return Outcome.COMPLETE
 
-    def _until(self, bench: Bench) -> Behaviour:
+    def _until(self, bench: StepBench) -> Behaviour:
         if self.until is None:
             raise ValueError("a move without duration, condition and target")
         condition = bench.condition(self.until)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Generator
 from typing import Protocol
 
-from rigctl.plan.behaviour import Behaviour, Bench, OnPause, Row, Until, Waiting, every_sample
+from rigctl.plan.behaviour import Behaviour, OnPause, Row, StepBench, Until, Waiting, every_sample
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import MovingMean
@@ -65,7 +65,7 @@ class MoveTo(Protocol):
         ...
 
 
-def approach(action: MoveTo, bench: Bench) -> Behaviour:
+def approach(action: MoveTo, bench: StepBench) -> Behaviour:
     """Bring the position to rest within `within` of `target`, from either side.
 
     Far from the target it moves at full speed, with a predicted stop. Near the target it uses timed pulses,
@@ -93,7 +93,7 @@ def approach(action: MoveTo, bench: Bench) -> Behaviour:
 class _Drive:
     """The actuator, and what has been measured of the response of the position to it."""
 
-    def __init__(self, action: MoveTo, bench: Bench) -> None:
+    def __init__(self, action: MoveTo, bench: StepBench) -> None:
         if action.position is None or action.target is None or action.within is None:
             raise ValueError("a move to a position needs a channel, a target and a tolerance")
         self.target = action.target

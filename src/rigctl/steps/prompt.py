@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.action import Action
-from rigctl.plan.behaviour import Behaviour, Bench, Question
+from rigctl.plan.behaviour import Behaviour, Question, StepBench
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Name, Part, Short, UnitName
+from rigctl.plan.fields import Name, ProcedurePart, Short, UnitName
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.outcomes import Outcome
@@ -27,7 +27,7 @@ _ANSWERING = 10.0
 _TYPING = 20.0
 
 
-class PromptFields(Part):
+class PromptFields(ProcedurePart):
     """Without a `name`, a confirmation is enough; with one, a value is entered with its unit and stored."""
 
     question: str = Field(
@@ -115,7 +115,7 @@ class Prompt(Action):
         """Return the question."""
         return (self._asked,)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Wait for a confirmation or a value; sampling and interlocks continue meanwhile."""
         answer = yield from bench.ask(self._asked)
         if self.name is not None and answer.value is not None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from rigctl.plan.behaviour import Bench
+from rigctl.plan.behaviour import StepBench
 from rigctl.units import show
 
 
-def seen(bench: Bench, names: Iterable[str]) -> str:
+def seen(bench: StepBench, names: Iterable[str]) -> str:
     """Return the latest values of the channels and commands among `names`, e.g. ``position was 80 mm``."""
     parts = [
         f"{name} was {reading(bench, name, bench.newest[bench.columns[name]])}"
@@ -19,7 +19,7 @@ def seen(bench: Bench, names: Iterable[str]) -> str:
     return ", ".join(parts) or "no channel of it was read"
 
 
-def reading(bench: Bench, name: str, value: float, *, difference: bool = False) -> str:
+def reading(bench: StepBench, name: str, value: float, *, difference: bool = False) -> str:
     """Return an SI value of a channel or command as text, in its unit."""
     if math.isnan(value):
         return "missing"

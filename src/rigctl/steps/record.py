@@ -8,14 +8,14 @@ from pydantic import Field
 
 from rigctl.errors import RigctlError
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Name, Part
+from rigctl.plan.fields import Name, ProcedurePart
 from rigctl.plan.step import Block
 from rigctl.plan.tree import Node, RecordNode
 from rigctl.plan.values import RATE, SHARE, Count, Rate, Share
 from rigctl.units import show
 
 
-class RecordFields(Part):
+class RecordFields(ProcedurePart):
     """One row is stored for each sample, at `rate`."""
 
     name: Name = Field(description="name of records of this kind")

@@ -11,9 +11,9 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.plan.action import Action
-from rigctl.plan.behaviour import Behaviour, Bench, OnPause, Question, Until
+from rigctl.plan.behaviour import Behaviour, OnPause, Question, StepBench, Until
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Part
+from rigctl.plan.fields import ProcedurePart
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome
 from rigctl.plan.setpoints import check_level
@@ -42,7 +42,7 @@ def _lengthen(written: Any) -> Any:
     return written if isinstance(written, dict) and "values" in written else {"values": written}
 
 
-class SetFields(Part):
+class SetFields(ProcedurePart):
     """The full form returns the actuators to their safe values after a time."""
 
     values: dict[str, Command] = Field(min_length=1, description="actuator: value")
@@ -149,7 +149,7 @@ class Set(Action):
             if rig.actuators[name].by == "operator"
         )
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Command every actuator; with a duration, wait until they have returned to their safe values.
 
         A driven level with a ``max_rate`` is brought there at this rate, after the others were commanded.

@@ -8,9 +8,9 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from rigctl.plan.action import Action, SetPoint
-from rigctl.plan.behaviour import Behaviour, Bench, Question, Until, every_sample
+from rigctl.plan.behaviour import Behaviour, Question, StepBench, Until, every_sample
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Part, Short
+from rigctl.plan.fields import ProcedurePart, Short
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_level, check_set_point
@@ -37,7 +37,7 @@ _DRIVEN_LEVEL = 1.0
 _TURNING = 20.0
 
 
-class SetPressureFields(Part):
+class SetPressureFields(ProcedurePart):
     """The pressure is reached when it has stayed within the tolerance for `settle`."""
 
     to: Pressure = Field(description="the desired supply pressure")
@@ -114,7 +114,7 @@ class SetLevel(Action):
         basis = Basis.GUESSED if by_hand and not bench.simulated else Basis.ESTIMATED
         return Forecast(total, basis, after, reaches)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Command the level, or ask the operator to set it, and monitor the channel until it has settled.
 
         Raises

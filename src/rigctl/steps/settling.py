@@ -6,7 +6,7 @@ import math
 from collections import deque
 
 from rigctl.errors import RigctlError
-from rigctl.plan.behaviour import Bench
+from rigctl.plan.behaviour import StepBench
 from rigctl.plan.context import Context
 from rigctl.plan.value_text import shown_time
 from rigctl.steps.readings import reading
@@ -87,7 +87,7 @@ class Settling:
             self._since = time
         return time - self._since >= self.settle - 1e-9
 
-    def gave_up(self, bench: Bench, channel: str, timeout: float) -> str:
+    def gave_up(self, bench: StepBench, channel: str, timeout: float) -> str:
         """Return the message for a reading that has not settled within `timeout` s."""
 
         def shown(value: float) -> str:

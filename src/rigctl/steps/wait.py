@@ -11,9 +11,9 @@ from rigctl.errors import RigctlError
 from rigctl.expressions import Expression
 from rigctl.files.refusal import refusal
 from rigctl.plan.action import Action
-from rigctl.plan.behaviour import Behaviour, Bench, Until
+from rigctl.plan.behaviour import Behaviour, StepBench, Until
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Condition, Part, Short
+from rigctl.plan.fields import Condition, ProcedurePart, Short
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.step import Step
@@ -23,7 +23,7 @@ from rigctl.plan.values import Duration, Period
 from rigctl.steps.readings import seen
 
 
-class WaitFields(Part):
+class WaitFields(ProcedurePart):
     """Either `for`, or `until` with a `timeout`."""
 
     for_: Period | None = Field(default=None, alias="for", description="how long")
@@ -77,7 +77,7 @@ class Wait(Action):
         seconds = self.timeout or 0.0
         return Forecast(seconds, Basis.AT_MOST, bench.pass_time(state, seconds))
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Wait `duration` s, or until the condition holds.
 
         Raises

@@ -140,7 +140,7 @@ def _ask_file(path: Path, update: _Update, question: Callable[[sqlite3.Connectio
     if path.exists():
         if not path.is_file():  # SQLite would wait for a pipe
             raise OSError(f"{path} is not a file")
-        if not is_private(path):  # its rows could be anyone's
+        if not is_private(path):  # another user could read its rows
             _remove_file(path)
     with closing(sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)) as index:
         path.chmod(0o600)

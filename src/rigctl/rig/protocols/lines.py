@@ -11,7 +11,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.files.refusal import refusal
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.protocols.line_pattern import (
     ReplyLines,
     ReplyPattern,
@@ -49,7 +49,7 @@ def _known_exchanges(written: Any) -> Any:
     )
 
 
-class Exchange(Part):
+class Exchange(RigFilePart):
     """A command and the lines of the device's answer."""
 
     @model_validator(mode="before")
@@ -124,7 +124,7 @@ class LineActuator(Exchange):
 _Exchanges = Annotated[tuple[Exchange, ...], BeforeValidator(_known_exchanges)]
 
 
-class Lines(Part):
+class Lines(RigFilePart):
     """The protocol of a line-based device."""
 
     send_ends: str = Field(default="\n", min_length=1, max_length=4, description="terminator of a command")

@@ -12,7 +12,7 @@ from pydantic import Field, FiniteFloat
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.protocols.client_lines import Every, Positions, Tries, client_lines
 from rigctl.rig.protocols.lines import WATCHDOG, Lines, Watchdog
 
@@ -39,7 +39,7 @@ WRITABLE = ("coil", "holding")
 _LONGEST = {"coil": 2000, "discrete": 2000, "input": 125, "holding": 125}
 
 
-class Register(Part):
+class Register(RigFilePart):
     """Place and format of a number."""
 
     table: Table = Field(description="coil, discrete (input), input (register) or holding (register)")
@@ -95,7 +95,7 @@ class WrittenRegister(Register):
     )
 
 
-class Modbus(Part):
+class Modbus(RigFilePart):
     """A device on Modbus TCP, or RTU on a serial line."""
 
     unit: int = Field(

@@ -11,7 +11,7 @@ from pydantic import Field, FiniteFloat
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.protocols.client_lines import Every, Positions, Tries, client_lines
 from rigctl.rig.protocols.lines import Lines, Watchdog
 
@@ -21,7 +21,7 @@ _Seconds = Annotated[float, Q("s", positive=True)]
 NODE = r"^(ns=\d{1,5};)?(i=\d{1,10}|s=.{1,1024}|g=[0-9A-Fa-f-]{36}|b=[A-Za-z0-9+/=]{1,1024})$"
 
 
-class Node(Part):
+class Node(RigFilePart):
     """A variable of the server, and the meaning of its number."""
 
     node: str = Field(pattern=NODE, description="its node id, e.g. ns=2;s=Circuit.SupplyPressure")
@@ -42,7 +42,7 @@ class ReadNode(Node):
     )
 
 
-class IdentityNode(Part):
+class IdentityNode(RigFilePart):
     """A variable that identifies the server."""
 
     node: str = Field(pattern=NODE, description="its node id")
@@ -51,7 +51,7 @@ class IdentityNode(Part):
     )
 
 
-class HeartbeatNode(Part):
+class HeartbeatNode(RigFilePart):
     """An integer that rigctl increments while running, for a controller that switches off when it stops."""
 
     node: str = Field(pattern=NODE, description="its node id")
@@ -68,7 +68,7 @@ class WrittenNode(Node):
     )
 
 
-class OpcUa(Part):
+class OpcUa(RigFilePart):
     """An OPC UA server, without encryption and as an anonymous user."""
 
     timeout: Annotated[float, Q("s", low="0.1 s", high="10 s")] = Field(

@@ -12,7 +12,7 @@ from pydantic import Field, FiniteFloat
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
 from rigctl.rig.actuator import Actuator
-from rigctl.rig.base import Part
+from rigctl.rig.base import RigFilePart
 from rigctl.rig.protocols.client_lines import Every, Tries, client_lines
 from rigctl.rig.protocols.lines import WATCHDOG, Lines, Watchdog
 
@@ -30,14 +30,14 @@ _Plain = bool | int | float | str
 _SPARE = 0.5  # s for the process of the driver to say what came of a call
 
 
-class DriverCall(Part):
+class DriverCall(RigFilePart):
     """A method of the driver, and its arguments."""
 
     call: _Path = Field(description="the method, e.g. shutdown, or ch1.off")
     arguments: dict[Name, Any] = Field(default_factory=dict, description="its arguments, by name")
 
 
-class DriverRead(Part):
+class DriverRead(RigFilePart):
     """What is read for a channel: an attribute, a parameter, a signal, or a method without arguments."""
 
     get: _Path = Field(description="its name, e.g. voltage, or ch1.voltage")
@@ -52,7 +52,7 @@ class DriverRead(Part):
     every: Every = None
 
 
-class DriverSet(Part):
+class DriverSet(RigFilePart):
     """What is set for an actuator, and where its state is read."""
 
     set: _Path = Field(description="an attribute, a parameter, a signal, or a method with one argument")
@@ -83,7 +83,7 @@ class DriverSet(Part):
         """Its positions have their default numbers for the client, which knows what the driver takes."""
 
 
-class DriverIdentity(Part):
+class DriverIdentity(RigFilePart):
     """What identifies the device."""
 
     get: _Path = Field(description="an attribute, a parameter, a signal, or a method without arguments")
@@ -101,7 +101,7 @@ class ReadGroup:
     every: float | None
 
 
-class PythonDriver(Part):
+class PythonDriver(RigFilePart):
     """A driver class of a Python package, which runs in a process of its own."""
 
     driver: str = Field(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from rigctl.errors import RigctlError
 from rigctl.plan.action import Action, SetPoint
-from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
+from rigctl.plan.behaviour import Behaviour, Row, StepBench, Until, every_sample
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.outcomes import Outcome, StepFailed
@@ -74,7 +74,7 @@ class Control(Action):
             after = replace(after, pressure=self.to)
         return Forecast(self.longest, basis, after, {self.channel: (self.to, self.to)})
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Run the loop; outside a record the bench is sampled at the loop's rate meanwhile.
 
         Raises
@@ -99,7 +99,7 @@ class Control(Action):
             bench.release(self.actuator)
         return Outcome.COMPLETE
 
-    def _loop(self, bench: Bench, watch: Watch, timing: Timing) -> Generator[Until, Row | None, None]:
+    def _loop(self, bench: StepBench, watch: Watch, timing: Timing) -> Generator[Until, Row | None, None]:
         column = bench.columns[self.channel]
         possible = bench.rig.channels[self.channel].possible
         first = bench.commanded.get(self.actuator, bench.safe_value(self.actuator))
@@ -122,7 +122,7 @@ class Control(Action):
                 watch.give_up()
                 return
 
-    def keep(self, bench: Bench, values: Iterable[tuple[str, float, str]]) -> None:
+    def keep(self, bench: StepBench, values: Iterable[tuple[str, float, str]]) -> None:
         """Store measures of the loop with the record or the run, also if it was interrupted."""
         for name, value, unit in values:
             with suppress(RigctlError):  # if the disk is full, the run ends at the next sample anyway
@@ -140,7 +140,7 @@ class Control(Action):
 class Watch:
     """The monitoring of a loop on the host or the board: set-point, feed-forward, settling, oscillation."""
 
-    def __init__(self, action: Control, bench: Bench) -> None:
+    def __init__(self, action: Control, bench: StepBench) -> None:
         self._action, self._bench = action, bench
         self._feed_forward = action.feed_forward.on(bench) if action.feed_forward is not None else None
         self._ahead: float | None = 0.0 if action.feed_forward is None else None  # its newest defined value
@@ -255,7 +255,7 @@ class Watch:
 class _Loop:
     """The state of a loop on the host between updates."""
 
-    def __init__(self, action: Control, bench: Bench, watch: Watch, output: float) -> None:
+    def __init__(self, action: Control, bench: StepBench, watch: Watch, output: float) -> None:
         self._action, self._bench, self._watch = action, bench, watch
         self._pid = Pid(action.gains, action.bounds, output, bumpless=action.bumpless)
         self._told = False

@@ -11,7 +11,7 @@ from typing import Any, Final
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, parse, type_of_unit
 from rigctl.files.yaml import read_document
-from rigctl.plan.behaviour import Bench, Row
+from rigctl.plan.behaviour import Row, StepBench
 from rigctl.plan.context import Context
 from rigctl.plan.statistics import Stretch
 from rigctl.plan.values import substituted
@@ -28,7 +28,7 @@ class FeedForward:
     expression: Expression
     constants: Mapping[str, float]
 
-    def on(self, bench: Bench) -> Callable[[Row, float], float]:
+    def on(self, bench: StepBench) -> Callable[[Row, float], float]:
         """Return the formula as a function of a row of readings and the set-point, SI; NaN if undefined."""
         kept = bench.statistics((), Stretch.RECORD, None)  # measures and answers so far
         fixed, columns = {}, {}

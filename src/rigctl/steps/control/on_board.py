@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from rigctl.errors import RigctlError
-from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
+from rigctl.plan.behaviour import Behaviour, Row, StepBench, Until, every_sample
 from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.control.action import Control, Watch
@@ -77,14 +77,14 @@ class ControlOnBoard(Control):
             ahead=ahead,
         )
 
-    def refusal(self, bench: Bench) -> RigctlError | None:
+    def refusal(self, bench: StepBench) -> RigctlError | None:
         """Return the error if the loop must run on the bench's board but cannot; otherwise None."""
         reason = bench.cannot_regulate(self.settings())
         if not (self.required and reason):
             return None
         return RigctlError(f"'where: board': {reason}", hint="With 'where: auto' the host runs it there")
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Run the loop on the board, and monitor it; run it on the host if the board cannot and need not.
 
         Raises
@@ -114,7 +114,7 @@ class ControlOnBoard(Control):
             bench.release(self.actuator)
         return Outcome.COMPLETE
 
-    def _monitor(self, bench: Bench, watch: Watch) -> Generator[Until, Row | None, None]:
+    def _monitor(self, bench: StepBench, watch: Watch) -> Generator[Until, Row | None, None]:
         """Start the loop, and monitor its samples until it has settled or its time has elapsed."""
         column = bench.columns[self.channel]
         possible = bench.rig.channels[self.channel].possible
@@ -146,7 +146,7 @@ class ControlOnBoard(Control):
                 watch.give_up()
                 return
 
-    def _log_start(self, bench: Bench, *, again: bool) -> None:
+    def _log_start(self, bench: StepBench, *, again: bool) -> None:
         if again:
             bench.event("note", "the loop on the board is started again")
             return
@@ -155,7 +155,7 @@ class ControlOnBoard(Control):
         every = f"once in {self.period * 1e3:g} ms"
         bench.event("note", f"the loop runs on the board: {self.channel} to {target}, {every}")
 
-    def _keep_figures(self, bench: Bench, state: LoopState) -> None:
+    def _keep_figures(self, bench: StepBench, state: LoopState) -> None:
         figures = state.figures
         if figures is None:
             return

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Name, Part
+from rigctl.plan.fields import Name, ProcedurePart
 from rigctl.plan.setpoints import check_level, check_set_point
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
@@ -29,7 +29,7 @@ from rigctl.units import show
 _OSCILLATION = 0.02
 
 
-class ControlFields(Part):
+class ControlFields(ProcedurePart):
     """A PID controller in parallel form with feed-forward; on the host sample by sample, or on the board."""
 
     actuator: str = Field(description="the actuator to command: a driven level")

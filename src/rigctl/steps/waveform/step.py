@@ -12,9 +12,9 @@ from pydantic import Field, model_validator
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.action import Action
-from rigctl.plan.behaviour import Behaviour, Bench, Row, Until
+from rigctl.plan.behaviour import Behaviour, Row, StepBench, Until
 from rigctl.plan.context import Context
-from rigctl.plan.fields import Part
+from rigctl.plan.fields import ProcedurePart
 from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.step import Step
@@ -45,7 +45,7 @@ _MOST_LINES, _HIGHEST = 2000, 10_000
 _ROUNDING = 1e-6
 
 
-class RampFields(Part):
+class RampFields(ProcedurePart):
     """A linear ramp."""
 
     from_: Command | None = Field(
@@ -55,7 +55,7 @@ class RampFields(Part):
     over: Duration = Field(description="how long it takes")
 
 
-class SineFields(Part):
+class SineFields(ProcedurePart):
     """``mean + amplitude·sin(2π·frequency·t + phase)``."""
 
     mean: Command = Field(description="mean value")
@@ -65,7 +65,7 @@ class SineFields(Part):
     for_: Duration = Field(alias="for", description="how long")
 
 
-class MultisineFields(Part):
+class MultisineFields(ProcedurePart):
     """Sines of equal amplitudes at multiples of 1/period, with phases that keep the peaks low."""
 
     mean: Command = Field(description="mean value")
@@ -97,7 +97,7 @@ class MultisineFields(Part):
         return self
 
 
-class StepsFields(Part):
+class StepsFields(ProcedurePart):
     """Levels one after the other."""
 
     levels: list[Command] = Field(
@@ -109,7 +109,7 @@ class StepsFields(Part):
     )
 
 
-class TableFields(Part):
+class TableFields(ProcedurePart):
     """Values at times: from a CSV file with the columns ``time [s]`` and ``NAME [unit]``, or listed here."""
 
     file: str | None = Field(default=None, description="relative to the procedure or to the project")
@@ -127,7 +127,7 @@ class TableFields(Part):
         return self
 
 
-class WaveformFields(Part):
+class WaveformFields(ProcedurePart):
     """One actuator along one waveform, which is checked completely against the rig before anything moves."""
 
     actuator: str = Field(description="what is commanded")
@@ -392,7 +392,7 @@ class Waveform(Action):
             after = replace(after, pressure=values[-1])
         return Forecast(self.duration, Basis.TIMED, after, reaches)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         """Send every command at its time, after approaching the first value no faster than allowed.
 
         If it ends early, the outputs are made safe, as for any step.
@@ -425,7 +425,7 @@ class Waveform(Action):
             bench.regulated.discard(name)
         return Outcome.COMPLETE
 
-    def _lead_in(self, bench: Bench, now: float, first: float) -> list[tuple[float, float]]:
+    def _lead_in(self, bench: StepBench, now: float, first: float) -> list[tuple[float, float]]:
         """Return the commands from `now` to the first value, as fast as allowed; none if it may jump."""
         fastest = bench.rig.actuators[self.actuator].max_rate
         if fastest is None or now == first:
@@ -434,7 +434,7 @@ class Waveform(Action):
         return list(commands(way, self.period))
 
     def _follow(
-        self, bench: Bench, course: list[tuple[float, float]], end: float
+        self, bench: StepBench, course: list[tuple[float, float]], end: float
     ) -> Generator[Until, Row | None, int]:
         """Send commands at their times until `end`, s; return the number that were skipped because a later
         one was due."""

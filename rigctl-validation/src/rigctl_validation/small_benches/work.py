@@ -14,11 +14,11 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache import switched_off
 from rigctl_validation.amplitude import CLOSE, search_amplitude
-from rigctl_validation.anyone.trial import BenchTrial
 from rigctl_validation.benches.bench import BenchCampaign, write_bench
 from rigctl_validation.benches.register import find_bench
 from rigctl_validation.benches.size import size_of
 from rigctl_validation.outcome import TrialOutcome
+from rigctl_validation.small_benches.trial import BenchTrial
 from rigctl_validation.user_folder import diagnose_log
 
 BenchOutcome: TypeAlias = TrialOutcome[BenchTrial]

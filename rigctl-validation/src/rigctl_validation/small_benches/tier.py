@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
-from rigctl_validation.anyone.trial import BenchTrial
 from rigctl_validation.benches.bench import NOISES, SAMPLES
 from rigctl_validation.benches.register import BENCHES
+from rigctl_validation.small_benches.trial import BenchTrial
 
 #: λ of the hidden effect: one that is surely detectable, and one visible in a plot
 SIZES = (30.0, 100.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from rigctl_validation.anyone.work import BenchOutcome
 from rigctl_validation.figures import Figures, Rate, rate_of
+from rigctl_validation.small_benches.work import BenchOutcome
 
 #: least λ of effects that must be found
 _PLAIN = 30.0
