@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rigctl.plan.action import Action
-from rigctl.plan.behaviour import Behaviour, Bench, Until
+from rigctl.plan.behaviour import Behaviour, StepBench, Until
 from rigctl.plan.context import Context
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome
@@ -42,7 +42,7 @@ class Note(Action):
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
         return Forecast(7.0, Basis.TIMED, state)
 
-    def carry_out(self, bench: Bench) -> Behaviour:
+    def carry_out(self, bench: StepBench) -> Behaviour:
         yield Until(bench.now + 7.0)
         bench.event("note", self.text)
         return Outcome.COMPLETE
