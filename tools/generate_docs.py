@@ -20,6 +20,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # benchmarks and tools are no installed packages
     from api_page import api_page
     from benchmarks.engine.page import with_figures
+    from benchmarks.scoreboard.page import page as scoreboard_page
     from benchmarks.validation.page import with_rates
     from reference_pages.effects import effects_page
     from reference_pages.generic_effects import generic_page
@@ -41,6 +42,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     yield engine, with_figures(engine)
     validation = DOCS / "explanation" / "diagnosis-validation.md"
     yield validation, with_rates(validation)
+    yield DOCS / "explanation" / "public-benchmarks.md", scoreboard_page()
     yield DOCS / "reference" / "effects" / "generic.md", generic_page()
     for family in FAMILIES.values():
         yield DOCS / "reference" / "effects" / f"{family.name}.md", effects_page(family)

@@ -148,6 +148,7 @@ class Improved:
     before, after: RMSE of a simulation of each unseen part, in the unit of the log's channel; NaN if the
         simulation fails.
     last: the verdict on the improved model.
+    parameters: number of parameters of the improved model that were fitted.
     """
 
     added: tuple[str, ...] = ()
@@ -155,6 +156,7 @@ class Improved:
     before: Mapping[str, float] = field(default_factory=dict)
     after: Mapping[str, float] = field(default_factory=dict)
     last: str = ""
+    parameters: int = 0
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Improved:

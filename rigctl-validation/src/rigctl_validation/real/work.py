@@ -68,6 +68,7 @@ def carry_out_real(trial: RealTrial) -> RealOutcome:
             before=errors[0],
             after=errors[1],
             last=answer_of(improvement.last),
+            parameters=len(after.fitted),
         )
     return replace(
         TrialOutcome(trial),

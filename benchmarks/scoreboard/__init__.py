@@ -1,0 +1,1 @@
+"""rigctl beside published figures, on data of other people: real benches and certified regressions."""
