@@ -14,6 +14,7 @@ import pytest
 from scipy.stats import binomtest
 
 from commands import answer, refusal, told
+from foreign_fmus import lag_fmu
 from rigctl.analysis.fitting import fit_to_data, read_runs
 from rigctl.analysis.fmu_rival import judge_fmu
 from rigctl.analysis.fmu_rival.judge import sign_test
@@ -208,6 +209,20 @@ def test_an_fmu_that_never_returns_is_stopped_at_its_timeout(
     assert progress
     assert {line.partition(" of ")[0] for line in progress} == {"Running hanging.fmu: simulation 1"}
     assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.parametrize(("version", "kind"), [("2.0", "ModelExchange"), ("3.0", "CoSimulation")])
+def test_a_foreign_fmu_is_compared(
+    project: Path, monkeypatch: pytest.MonkeyPatch, version: str, kind: str
+) -> None:
+    """Its temperature only rises, unlike the board's, but begins where the readings do."""
+    monkeypatch.chdir(project)
+    slow = "m->on * m->u / 100.0"
+    lag_fmu(Path("lag.fmu"), version, kind, rate=slow, names=("heater_1", "temperature_1"))
+    (found,) = answer("compare", "latest", "-m", "models/right.yaml", "--rival", "lag.fmu")["rivals"]
+    assert (found["nearer"], found["further"]) == (0, 8)
+    assert found["begins_elsewhere"] == []
+    assert "temperature_2" in found["missing"]
 
 
 @needs_signals

@@ -64,8 +64,6 @@ def test_elsewhere_a_file_may_be_named_like_a_device_of_windows(tmp_path: Path) 
 
 #: modules that read only files of rigctl itself, or its own folders of the user, or in a process with limits
 OWN = {
-    "analysis/fmu_rival/run.py",
-    "analysis/fmu_rival/worker.py",
     "backends/visa/client.py",  # of an instrument
     "cli/commands/demo.py",
     "cli/commands/init.py",

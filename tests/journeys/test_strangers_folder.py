@@ -100,7 +100,7 @@ def test_the_pages_of_a_project_execute_no_file_of_it(traps: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     "module",
     [
-        "rigctl.analysis.fmu_rival.worker",
+        "rigctl.fmu.worker",
         "rigctl.backends.transport.guard",
         "rigctl.dataset.importing.formats.foreign",
     ],

@@ -1,39 +1,29 @@
-"""Hands records to the process that runs an FMU, and reads its answer."""
+"""Simulates records with an FMU, from the initial values at which it fits them best."""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import threading
-import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.fmu_rival.archive import checked_platforms
-from rigctl.child_process import module_command
-from rigctl.errors import ExitCode, Location, RigctlError
-from rigctl.json_values import parse_json
+from rigctl.errors import Location, RigctlError, nearest_name
+from rigctl.fmu.description import Description, read_description
+from rigctl.fmu.process import PATIENCE, FmuProcess
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.record import MeasuredRecord
 
 Floats = NDArray[np.float64]
 
 #: shift of an initial value for its derivative, in sigmas
 _BESIDE: Final = 5.0
-#: longest time of one simulation of a record by default, s
-PATIENCE: Final = 60.0
-#: interval at which the process is polled for its end, s
-_LOOK: Final = 0.2
+#: two times closer than this are equal, s
+_SAME: Final = 1e-12
 
 
 @dataclass(frozen=True)
@@ -49,16 +39,14 @@ class FmuOutputs:
 
 
 def require_fmu(path: Path) -> None:
-    """Refuse a file that is no FMU, before any work is done; what it describes is read by `run_fmu`.
+    """Refuse a file that is no FMU, or one that cannot be run here, before any work is done.
 
     Raises
     ------
     RigctlError
-        FMPy is not installed, or as `checked_platforms`.
+        as `read_description`.
     """
-    if find_spec("fmpy") is None:
-        raise RigctlError("running an FMU needs FMPy", hint="pip install 'rigctl[fmu]'")
-    checked_platforms(path)
+    read_description(path)
 
 
 def run_fmu(
@@ -85,26 +73,124 @@ def run_fmu(
         as `require_fmu`; the FMU does not fit the data, it fails, crashes, or a simulation takes longer than
         `patience`.
     """
-    require_fmu(path)
     problem = fitted.problem
+    about = read_description(path)
+    with _Simulations(about, problem, on_progress, patience) as simulations:
+        records = [_best(simulations, problem, index) for index in range(len(problem.records))]
     names = problem.measurements.outputs
-    starts = [_first_readings(problem, index) for index in range(len(problem.records))]
-    steps = [_BESIDE * problem.sigma[index][0] for index in range(len(problem.records))]
-    tried = [
-        [begin, *(begin + step * unit for unit in np.eye(len(names)))]
-        for begin, step in zip(starts, steps, strict=True)
-    ]
-    reply = _simulated(path, fitted, tried, on_progress, patience)
-    settable = frozenset(reply["settable"])
-    columns = [column for column, name in enumerate(names) if name in settable]
-    outputs = _outputs(reply, fitted, len(names) + 1)
-    if columns:
-        best = [
-            [begin + _shift(problem, index, outputs[index], step, columns)]
-            for index, (begin, step) in enumerate(zip(starts, steps, strict=True))
-        ]
-        outputs = _outputs(_simulated(path, fitted, best, on_progress, patience), fitted, 1)
-    return FmuOutputs(tuple(reply["outputs"]), tuple(record[0] for record in outputs), settable)
+    settable = frozenset(names[column] for column in simulations.columns)
+    return FmuOutputs(tuple(simulations.outputs), tuple(records), settable)
+
+
+class _Simulations:
+    """Simulations of records by an FMU, counted; a context, in which its process runs.
+
+    Attributes
+    ----------
+    outputs: of the FMU that are channels.
+    columns: the channels whose initial value can be set.
+    """
+
+    def __init__(
+        self,
+        about: Description,
+        problem: Problem,
+        on_progress: Callable[[str], None],
+        patience: float,
+    ) -> None:
+        channels = problem.measurements.outputs
+        self._channels = channels
+        self._inputs = _columns_of_inputs(about, problem.measurements.inputs)
+        self.outputs = _common_outputs(about, channels)
+        self._starts = {name: start for name in channels if (start := about.start_of(name)) is not None}
+        self.columns = [column for column, name in enumerate(channels) if name in self._starts]
+        each = len(self.columns) + 2 if self.columns else 1
+        self._name, self._on_progress = about.path.name, on_progress
+        self._number, self._count = 0, each * len(problem.records)
+        self._process = FmuProcess(
+            about,
+            list(self._inputs),
+            self.outputs,
+            list(self._starts.values()),
+            patience=patience,
+            slow="'--rival-timeout' sets this time, e.g. '10 min'",
+        )
+
+    def __enter__(self) -> Self:
+        self._process.__enter__()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._process.__exit__(None, None, None)
+
+    def run(self, record: MeasuredRecord, begin: Floats) -> Floats:
+        """(samples, channels), from initial values of the channels, NaN where the FMU's own is to hold."""
+        self._number += 1
+        which = f"simulation {self._number} of {self._count}"
+        self._on_progress(f"Running {self._name}: {which}")
+        points, samples = _points(record)
+        drives = _inputs_at(record, points)[:, list(self._inputs.values())]
+        start = {
+            self._starts[self._channels[column]]: float(begin[column])
+            for column in self.columns
+            if np.isfinite(begin[column])
+        }
+        found = self._process.simulate(f"record {record.label}", which, points, drives, start)
+        result = np.full((len(record.times), len(self._channels)), np.nan)
+        result[:, [self._channels.index(name) for name in self.outputs]] = found[samples]
+        return result
+
+
+def _columns_of_inputs(about: Description, inputs: Sequence[str]) -> Mapping[str, int]:
+    """Of each input of the FMU the column in the data.
+
+    Raises
+    ------
+    RigctlError
+        the data do not have one.
+    """
+    for name in about.named("input"):
+        if name not in inputs:
+            raise RigctlError(
+                "the FMU needs an input that the data do not have",
+                value=name,
+                expected=f"inputs among {', '.join(inputs)}",
+                nearest=nearest_name(name, inputs),
+                where=Location(about.path),
+            )
+    return {name: inputs.index(name) for name in about.named("input")}
+
+
+def _common_outputs(about: Description, channels: Sequence[str]) -> list[str]:
+    """The outputs of the FMU that are channels.
+
+    Raises
+    ------
+    RigctlError
+        there are none.
+    """
+    theirs = about.named("output")
+    common = [name for name in channels if name in theirs]
+    if not common:
+        raise RigctlError(
+            "no output of the FMU is a channel",
+            value=", ".join(theirs) or "none",
+            expected=f"outputs among {', '.join(channels)}",
+            where=Location(about.path),
+        )
+    return common
+
+
+def _best(simulations: _Simulations, problem: Problem, index: int) -> Floats:
+    """The outputs for a record from the initial values at which the FMU fits it best."""
+    record, columns = problem.records[index], simulations.columns
+    begin, step = _first_readings(problem, index), _BESIDE * problem.sigma[index][0]
+    base = simulations.run(record, begin)
+    if not columns:
+        return base
+    units = np.eye(len(begin))
+    beside = [simulations.run(record, begin + step * units[column]) for column in columns]
+    return simulations.run(record, begin + _shift(problem, index, base, beside, step, columns))
 
 
 def _first_readings(problem: Problem, index: int) -> Floats:
@@ -116,129 +202,47 @@ def _first_readings(problem: Problem, index: int) -> Floats:
 
 
 def _shift(
-    problem: Problem, index: int, runs: Sequence[Floats], step: Floats, columns: Sequence[int]
+    problem: Problem,
+    index: int,
+    base: Floats,
+    beside: Sequence[Floats],
+    step: Floats,
+    columns: Sequence[int],
 ) -> Floats:
-    """The least-squares change of a record's initial values, by finite differences between `runs`."""
+    """The least-squares change of a record's initial values, by finite differences to the runs `beside`."""
     values = problem.records[index].values
-    base, *beside = (np.where(np.isnan(outputs), values, outputs) for outputs in runs)
-    residual = whitened_residual(problem, base, index)
-    changes = [whitened_residual(problem, beside[k], index) - residual for k in columns]
-    jacobian = np.stack([change / step[k] for change, k in zip(changes, columns, strict=True)], axis=1)
+
+    def residual(outputs: Floats) -> Floats:
+        return whitened_residual(problem, np.where(np.isnan(outputs), values, outputs), index)
+
+    at = residual(base)
+    changes = [(residual(one) - at) / step[k] for one, k in zip(beside, columns, strict=True)]
     shift = np.zeros(len(step))
-    shift[list(columns)] = -np.linalg.lstsq(jacobian, residual, rcond=None)[0]
+    shift[list(columns)] = -np.linalg.lstsq(np.stack(changes, axis=1), at, rcond=None)[0]
     return shift
 
 
-def _simulated(
-    path: Path,
-    fitted: FitResult,
-    starts: Sequence[Sequence[Floats]],
-    on_progress: Callable[[str], None],
-    patience: float,
-) -> dict[str, Any]:
-    """The outputs of the process for every record from each of its initial values."""
-    with TemporaryDirectory(prefix="rigctl-fmu-", ignore_cleanup_errors=True) as folder:
-        job, answer = Path(folder) / "job.json", Path(folder) / "answer.json"
-        job.write_text(json.dumps(_job(path, fitted, starts)), "utf-8")
-        command = module_command("rigctl.analysis.fmu_rival.worker", str(job), str(answer))
-        code = _watched(path, command, on_progress, patience)
-        if not answer.exists():
-            raise RigctlError(
-                f"the FMU has crashed (exit code {code})",
-                where=Location(path),
-                exit_code=ExitCode.FAILED,
-            )
-        reply: dict[str, Any] = parse_json(answer.read_text("utf-8"))
-    if "what" in reply:
-        raise RigctlError(
-            reply["what"],
-            value=reply["value"],
-            expected=reply["expected"],
-            nearest=reply["nearest"],
-            hint=reply["hint"],
-            where=Location(path),
-        )
-    return reply
+def _points(record: MeasuredRecord) -> tuple[Floats, NDArray[np.intp]]:
+    """The times at which a record is sampled or an input changes, and the indices of its samples in them."""
+    begin = record.switch_times[0]
+    edges = np.concatenate([record.switch_times, record.knots])
+    every = np.concatenate([[begin], record.times, edges])
+    every = np.unique(every[(every >= begin) & (every <= max(record.times[-1], begin))])
+    points = every[np.concatenate([[True], np.diff(every) > _SAME])]
+    last = np.searchsorted(points, record.times + _SAME, side="right") - 1
+    return points, np.maximum(last, 0)
 
 
-def _watched(path: Path, command: Sequence[str], on_progress: Callable[[str], None], patience: float) -> int:
-    """Run the process to its end, which comes soon after an exception such as that of Ctrl-C; its exit code.
-
-    Raises
-    ------
-    RigctlError
-        a simulation takes longer than `patience` s.
-    """
-    with subprocess.Popen(  # noqa: S603 - the user has named this FMU to be run
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    ) as process:
-        lines: SimpleQueue[bytes] = SimpleQueue()
-        reader = threading.Thread(target=_read_lines, args=(process, lines), daemon=True)
-        reader.start()
-        number, count, since = 0, 0, time.monotonic()
-        try:
-            while process.poll() is None:
-                with suppress(Empty, ValueError):
-                    number, count = map(int, lines.get(timeout=_LOOK).split())
-                    since = time.monotonic()
-                    on_progress(f"Running {path.name}: simulation {number} of {count}")
-                allowed = patience if number else max(patience, PATIENCE)  # which includes the imports
-                if time.monotonic() - since > allowed:
-                    what = f"finished simulation {number} of {count}" if number else "been loaded"
-                    raise RigctlError(
-                        f"the FMU has not {what} in {allowed:g} s",
-                        where=Location(path),
-                        hint="'--rival-timeout' sets this time, e.g. '10 min'",
-                        exit_code=ExitCode.FAILED,
-                    )
-        finally:
-            process.kill()
-            reader.join()
-        return process.wait()
-
-
-def _read_lines(process: subprocess.Popen[bytes], lines: SimpleQueue[bytes]) -> None:
-    """Forward the progress lines of the process; in a thread, because reading a line blocks."""
-    for line in process.stdout or ():
-        lines.put(line)
-
-
-def _outputs(reply: dict[str, Any], fitted: FitResult, runs: int) -> list[list[Floats]]:
-    """By record and start (samples, outputs); NaN in columns that the FMU does not have."""
-    names = fitted.problem.measurements.outputs
-    columns = [names.index(name) for name in reply["outputs"]]
-    answers = iter(reply["records"])
-    result = []
-    for record in fitted.problem.records:
-        of_record = []
-        for _ in range(runs):
-            outputs = np.full((len(record.times), len(names)), np.nan)
-            rows = np.asarray(next(answers), dtype=np.float64)
-            outputs[:, columns] = rows.reshape(len(record.times), len(columns))
-            of_record.append(outputs)
-        result.append(of_record)
-    return result
-
-
-def _job(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) -> dict[str, Any]:
-    measurements = fitted.problem.measurements
-    records = []
-    for record, tried in zip(fitted.problem.records, starts, strict=True):
-        facts = {
-            "label": record.label,
-            "times": record.times.tolist(),
-            "switch_times": record.switch_times.tolist(),
-            "inputs": record.inputs.tolist(),
-            "along": list(record.along),
-            "knots": record.knots.tolist(),
-            "lines": record.lines.tolist(),
-        }
-        for begin in tried:
-            first = zip(measurements.outputs, begin.tolist(), strict=True)
-            records.append({**facts, "start": {name: value for name, value in first if np.isfinite(value)}})
-    return {
-        "fmu": str(path.resolve()),
-        "inputs": list(measurements.inputs),
-        "outputs": list(measurements.outputs),
-        "records": records,
-    }
+def _inputs_at(record: MeasuredRecord, times: Floats) -> Floats:
+    """(times, inputs) commanded from each of these times on, SI."""
+    switch = np.searchsorted(record.switch_times, times + _SAME, side="right") - 1
+    rows = np.array(record.inputs[np.maximum(switch, 0)], dtype=np.float64)
+    if record.along:
+        knots, lines = record.knots, record.lines
+        right = np.clip(np.searchsorted(knots, times, side="right"), 1, len(knots) - 1)
+        left = right - 1
+        span = knots[right] - knots[left]
+        share = np.where(span > 0.0, (times - knots[left]) / np.where(span > 0.0, span, 1.0), 0.0)
+        share = np.clip(share, 0.0, 1.0)[:, None]
+        rows[:, list(record.along)] = lines[left] + share * (lines[right] - lines[left])
+    return rows

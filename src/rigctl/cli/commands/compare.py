@@ -41,7 +41,7 @@ def compare(
         list[Path] | None,
         typer.Option(
             metavar="FMU",
-            help="FMU (FMI 2.0) to compare with the last model; repeatable. Its code is executed.",
+            help="FMU (FMI 2.0 or 3.0) to compare with the last model; repeatable. Its code is executed.",
             show_default=False,
         ),
     ] = None,

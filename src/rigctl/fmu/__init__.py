@@ -1,0 +1,1 @@
+"""FMUs: what they say of themselves, and their simulation in a process of its own."""

@@ -1,0 +1,179 @@
+"""What an FMU says of itself in its ``modelDescription.xml``; nothing of it is executed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+from rigctl.errors import Location, RigctlError
+from rigctl.fmu.archive import checked_platforms
+from rigctl.units import Unit, parse_unit
+
+Kind = Literal["CoSimulation", "ModelExchange"]
+
+_REAL = ("Real", "Float64")
+#: possible names of the variable that sets an output's value at the start
+_STARTS = ("state.{}", "{}_start", "{}_0", "{}")
+#: an exponent as Modelica writes it, ``kg.m2``
+_MODELICA = re.compile(r"([A-Za-z])(-?\d+)")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A real scalar variable.
+
+    Attributes
+    ----------
+    reference: its value reference.
+    unit: as the FMU writes it; None if it gives none, and the variable is in SI.
+    settable: whether its value can be set before a simulation, and is then kept.
+    """
+
+    name: str
+    reference: int
+    causality: str
+    unit: str | None
+    settable: bool
+
+
+@dataclass(frozen=True)
+class Port:
+    """A variable that is read or set: ``SI value = factor·value + offset``."""
+
+    name: str
+    reference: int
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Description:
+    """The real scalar variables of an FMU, and how it can be simulated.
+
+    Attributes
+    ----------
+    version: of FMI, "2.0" or "3.0".
+    defined: by unit that the FMU defines, its factor and offset to SI.
+    """
+
+    path: Path
+    version: str
+    kind: Kind
+    variables: Mapping[str, Variable]
+    defined: Mapping[str, tuple[float, float]]
+
+    def named(self, causality: str) -> list[str]:
+        """The names of its inputs or outputs."""
+        return [name for name, one in self.variables.items() if one.causality == causality]
+
+    def start_of(self, output: str) -> str | None:
+        """The variable that sets an output's value at the start; None if there is none."""
+        for pattern in _STARTS:
+            one = self.variables.get(pattern.format(output))
+            if one is not None and one.settable:
+                return one.name
+        return None
+
+    def port(self, name: str) -> Port:
+        """The variable called `name`, to be read or set in SI.
+
+        Raises
+        ------
+        RigctlError
+            its unit is not known, and not defined by the FMU.
+        """
+        one = self.variables[name]
+        if not one.unit:
+            return Port(name, one.reference, 1.0, 0.0)
+        unit = _parsed(one.unit) or _parsed(_MODELICA.sub(r"\1^\2", one.unit.replace(".", "*")))
+        if unit is not None:
+            offset = float(unit.to_si(0.0))
+            return Port(name, one.reference, float(unit.to_si(1.0)) - offset, offset)
+        if one.unit not in self.defined:
+            raise RigctlError(
+                f"the FMU has an unknown unit for {name}, and does not define it",
+                value=one.unit,
+                where=Location(self.path),
+            )
+        return Port(name, one.reference, *self.defined[one.unit])
+
+
+def read_description(path: Path) -> Description:
+    """Read the description of an FMU.
+
+    Raises
+    ------
+    RigctlError
+        FMPy is missing, the file is no FMU, it is of another kind, or has no program for this computer.
+    """
+    if find_spec("fmpy") is None:
+        raise RigctlError("running an FMU needs FMPy", hint="pip install 'rigctl[fmu]'")
+    platforms = checked_platforms(path)
+    from fmpy import platform, platform_tuple, read_model_description
+
+    try:
+        found: Any = read_model_description(str(path))
+    except Exception as problem:  # a damaged description has many ways to fail
+        what = f"the description of the FMU cannot be read: {problem}"
+        raise RigctlError(what, where=Location(path)) from problem
+    kind = _kind(found, path)
+    version = str(found.fmiVersion)
+    ours = platform if version == "2.0" else platform_tuple
+    if ours not in platforms:
+        raise RigctlError(
+            "the FMU has no program for this computer",
+            where=Location(path),
+            value=", ".join(platforms) or "sources alone",
+            expected=ours,
+        )
+    variables = [_variable(one) for one in found.modelVariables if one.type in _REAL and not one.dimensions]
+    bases = {one.name: one.baseUnit for one in found.unitDefinitions}
+    return Description(
+        path=path,
+        version=version,
+        kind=kind,
+        variables={one.name: one for one in variables},
+        defined={
+            name: (float(base.factor or 1.0), float(base.offset or 0.0))
+            for name, base in bases.items()
+            if base is not None
+        },
+    )
+
+
+def _kind(found: Any, path: Path) -> Kind:
+    """How the FMU is simulated: by itself, if it can."""
+    if found.fmiVersion in ("2.0", "3.0"):
+        if found.coSimulation is not None:
+            return "CoSimulation"
+        if found.modelExchange is not None:
+            return "ModelExchange"
+    raise RigctlError(
+        "an unsupported kind of FMU",
+        where=Location(path),
+        value=f"FMI {found.fmiVersion}",
+        expected="FMI 2.0 or 3.0, for co-simulation or model exchange",
+    )
+
+
+def _variable(one: Any) -> Variable:
+    declared = getattr(one.declaredType, "unit", None) if one.declaredType is not None else None
+    kept = one.causality == "parameter" or one.initial == "exact"
+    return Variable(
+        name=str(one.name),
+        reference=int(one.valueReference),
+        causality=str(one.causality),
+        unit=one.unit or declared,
+        settable=kept and one.causality != "input" and one.variability != "constant",
+    )
+
+
+def _parsed(text: str) -> Unit | None:
+    try:
+        return parse_unit(text)
+    except RigctlError:
+        return None
