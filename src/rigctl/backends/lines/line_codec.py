@@ -6,7 +6,7 @@ import math
 
 from rigctl.errors import RigctlError
 from rigctl.rig import LineActuator, Lines, Rig
-from rigctl.rig.protocols.line_pattern import read_number, resolution
+from rigctl.rig.protocols.line_pattern import is_whole, read_number, resolution
 from rigctl.rig.setting import POSITIONS
 from rigctl.units import parse_unit
 
@@ -59,8 +59,12 @@ class LineCodec:
         number = read_number(text)
         if number is None or math.isnan(number):
             return None
-        rounding = resolution(text) + resolution(part.template.written(expected))
-        if abs(number - expected) <= rounding:
+        sent = part.template.written(expected)
+        if is_whole(sent) and float(sent) == 0.0:  # no device rounds 0 to 1
+            near = abs(number) < max(resolution(text), 1.0)
+        else:
+            near = abs(number - expected) <= resolution(text) + resolution(sent)
+        if near:
             return commanded
         return self._of_number(name, part, number)
 

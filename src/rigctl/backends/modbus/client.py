@@ -70,7 +70,9 @@ class ModbusClient:
         self._identified = False
         self._count = 0
         self._beat_at = -math.inf  # s, monotonic
-        self._set: dict[str, tuple[list[int], str]] = {}  # the values last written, and their text
+        self._set: dict[
+            str, tuple[list[int], float, str]
+        ] = {}  # last written: registers, their number, its text
         self._failed: type[Exception] = ModbusException
         self._library = _connection(url, settings)
         if not self._library.connect():
@@ -123,7 +125,7 @@ class ModbusClient:
             self._fetch(self._identify.table, self._identify.address, self._identify.width)
         )
         if float(found) != self._equals:
-            said = f"modbus unit {self._unit} is {found}"
+            said = f"modbus unit {self._unit} is {float(found):.15g}"
             if self._identified:
                 raise AnotherDevice(f"{self._name}: another device answers than before: {said}")
             return said
@@ -137,14 +139,15 @@ class ModbusClient:
         for name, place in places.items():
             there = words[place.address - address : place.address - address + place.width]
             written = self._set.get(name)
-            texts.append(written[1] if written is not None and written[0] == there else place.text(there))
+            same = written is not None and (written[0] == there or place.repeats(there, written[1]))
+            texts.append(written[2] if written is not None and same else place.text(there))
         return " ".join(texts)
 
     def _write(self, name: str, text: str) -> str:
         place = self._writes[name]
         words = place.words(float(text))
         self._put(place, words)
-        self._set[name] = (words, text)
+        self._set[name] = (words, place.number(words), text)
         return "ok"
 
     def _beat(self) -> None:

@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+#: relative: a number of four bytes has seven digits
+_ROUNDING = 1e-6
 _FORMATS: Mapping[str, str] = {
     "int16": ">h",
     "uint16": ">H",
@@ -23,7 +25,7 @@ _FORMATS: Mapping[str, str] = {
 }
 #: smallest normalised magnitude of each type
 _SMALLEST: Mapping[str, float] = {"float32": 2.0**-126, "float64": 2.0**-1022}
-_DIGITS: Mapping[str, str] = {"float32": ".8g", "float64": ".16g"}
+_DIGITS: Mapping[str, str] = {"float32": ".7e", "float64": ".15e"}
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Place:
         return self.kind == "bool"
 
     def text(self, words: Sequence[int]) -> str:
-        """Return the number as text; ``nan`` for a missing value.
+        """Return the number as text, with all its digits; ``nan`` for a missing value.
 
         A value is missing if the register has the content `invalid`, or if it is a denormalised number, such
         as a pressure of 1e-40 bar from the wrong byte or word order: no measurement is that small, and an
@@ -73,11 +75,22 @@ class Place:
             number = found * self.scale + self.offset
         elif found == self.invalid:
             return "nan"
-        elif self.scale == 1.0 and self.offset == 0.0:
+        elif self.is_bit:
             return str(found)
         else:
             number = found * self.scale + self.offset
-        return format(number, _DIGITS.get(self.kind, ".12g"))
+        return format(number, _DIGITS.get(self.kind, ".15e"))
+
+    def repeats(self, words: Sequence[int], number: float) -> bool:
+        """Return whether registers have a number that was written to others, as these round."""
+        found = self._unpacked(words)
+        step = 0.0 if isinstance(found, float) else 0.5 * abs(self.scale)
+        near = abs(found * self.scale + self.offset - number) <= step + _ROUNDING * abs(number)
+        return near and not self.is_bit and found != self.invalid
+
+    def number(self, words: Sequence[int]) -> float:
+        """Return the number that registers have."""
+        return float(self._unpacked(words) * self.scale + self.offset)
 
     def words(self, number: float) -> list[int]:
         """Return the registers for a number.

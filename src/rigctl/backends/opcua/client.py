@@ -24,6 +24,7 @@ from rigctl.clock import Clock
 
 _PRODUCT, _VERSION, _NOW = "i=2261", "i=2264", "i=2258"  # of the server's status; part 5, 12.10
 _ENDS_WITHIN = 0.5  # s to close the session
+_ROUNDING = 1e-6  # relative: a number of four bytes has seven digits
 
 #: status codes of a session that cannot be used again
 _ENDED = (
@@ -57,9 +58,18 @@ class _Item:
     max_age: float | None
     age: bool
 
+    def repeats(self, answer: Any, number: float) -> bool:
+        """Return whether a node's answer is a number that was written to another node, as this one rounds."""
+        there = None if answer.Value is None else answer.Value.Value
+        if not (answer.StatusCode.is_good() and isinstance(there, bool | int | float)):
+            return False
+        step = 0.0 if isinstance(there, float) else 0.5 * abs(self.scale)
+        near = abs(there * self.scale + self.offset - number) <= step + _ROUNDING * abs(number)
+        return near and not isinstance(there, bool)
+
     def text(self, answer: Any, clock: _ServerClock) -> str:
-        """Return the number in a node's answer as text; ``nan`` if there is none, its status is not good, or
-        its time stamp is too old or in the future.
+        """Return the number in a node's answer as text, with all its digits, as ``5`` could be a rounded 5.4;
+        ``nan`` if there is none, its status is not good, or its time stamp is too old or in the future.
 
         The age refers to the server's clock: a cached value may have an old server timestamp, too.
         """
@@ -73,10 +83,10 @@ class _Item:
         # if the source's clock is ahead, a value looks fresh until that time, even if the source has stopped
         if self.max_age is not None and not abs(age) <= self.max_age:
             return "nan"
-        if self.scale == 1.0 and self.offset == 0.0 and not isinstance(value, float):
+        if isinstance(value, bool):
             return str(int(value))
         number = value * self.scale + self.offset
-        return f"{number:.12g}" if math.isfinite(number) else "nan"
+        return f"{number:.15e}" if math.isfinite(number) else "nan"
 
 
 class _ServerClock:
@@ -135,7 +145,7 @@ class OpcUaClient:
         self._clock = _ServerClock()
         self._found = ""  # the identity, once the server has been identified
         self._types: dict[str, Any] = {}  # types of the nodes that are written
-        self._set: dict[str, tuple[object, str]] = {}  # the values last written, and their text
+        self._set: dict[str, tuple[float, float, str]] = {}  # last written: in the node, its number, its text
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True, name=f"loop of {url}")
         self._thread.start()
@@ -234,7 +244,10 @@ class OpcUaClient:
             there = None if answer.Value is None else answer.Value.Value
             written = self._set.get(name)
             same = written is not None and answer.StatusCode.is_good() and written[0] == there
-            texts.append(written[1] if written is not None and same else item.text(answer, self._clock))
+            text = item.text(answer, self._clock)
+            if written is not None and (same or (text != "nan" and item.repeats(answer, written[1]))):
+                text = written[2]
+            texts.append(text)
         return " ".join(texts)
 
     async def _fetch(self, nodes: list[str]) -> list[Any]:
@@ -250,7 +263,8 @@ class OpcUaClient:
 
     async def _write(self, name: str, text: str) -> str:
         item = self._writes[name]
-        self._set[name] = (await self._put(item.node, (float(text) - item.offset) / item.scale), text)
+        put = await self._put(item.node, (float(text) - item.offset) / item.scale)
+        self._set[name] = (put, put * item.scale + item.offset, text)
         return "ok"
 
     async def _beat(self) -> None:
@@ -258,7 +272,7 @@ class OpcUaClient:
         self._count = (self._count + 1) % (1 << 7)
         await self._put(self._heartbeat[0], float(self._count))
 
-    async def _put(self, node: str, number: float) -> object:
+    async def _put(self, node: str, number: float) -> float:
         """Write a number in the node's data type, and return what was written."""
         ua = self._ua
         if node not in self._types:

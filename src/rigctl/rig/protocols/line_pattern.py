@@ -91,6 +91,11 @@ def resolution(text: str) -> float:
     return float(10.0 ** (int(exponent or 0) - decimals))
 
 
+def is_whole(text: str) -> bool:
+    """Return whether a number given as text has neither decimals nor an exponent."""
+    return text.strip().lstrip("+-").isdecimal()
+
+
 def says(answer: str, expected: str) -> bool:
     """Return whether an answer repeats a word or, as exactly as both are written, a number."""
     if answer.casefold() == expected.casefold():
@@ -98,6 +103,8 @@ def says(answer: str, expected: str) -> bool:
     said, meant = read_number(answer), read_number(expected)
     if said is None or meant is None:
         return False
+    if is_whole(expected):  # '1' and '1.0' are no rounded '0', which may be the other position of a switch
+        return abs(said - meant) < max(resolution(answer), 1.0)
     return abs(said - meant) <= resolution(answer) + resolution(expected)
 
 
