@@ -28,8 +28,8 @@ class Project:
     """A folder with rigs, procedures and models, and the folder of its runs.
 
     `store` is the address of the storage to which closed runs are uploaded, ``s3://bucket/runs``; None for
-    none. `rig` is the rig file of commands that name none. `drivers` are the Python packages that may be
-    imported for drivers of devices.
+    none. `rig` is the rig file of commands that name none. `drivers` are the Python packages of its
+    drivers of devices; the user's consent to import one is kept for the project.
     """
 
     root: Path
@@ -72,8 +72,8 @@ def find_project(start: Path | None = None) -> Project:
     Its root is the nearest folder upwards with a ``rigctl.toml``, or else `start`. Runs are stored in
     ``runs/`` below it, or in the folder given by ``runs = "..."`` in ``rigctl.toml``; if that is an address,
     ``s3://bucket/runs``, they are in ``runs/``, and are uploaded to it once they are closed. ``rig = "..."``
-    is the rig file of commands that name none, ``drivers = ["..."]`` lists Python packages that drivers of
-    devices may be imported from.
+    is the rig file of commands that name none, ``drivers = ["..."]`` lists the Python packages of its
+    drivers of devices, which the user has to allow.
 
     Raises
     ------

@@ -17,6 +17,7 @@ import pytest
 from commands import call, refusal
 from patience import unhurried
 from protocol_servers import ScpiServer
+from rigctl.backends.python.permission import allowed
 from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
@@ -46,6 +47,8 @@ backend:
 
 """
 
+ALLOWED = ("--allow-driver", "bench_driver")
+
 ENDLESS = """\
 procedure: endless
 rig: rig.yaml
@@ -65,9 +68,11 @@ def server() -> Iterator[ScpiServer]:
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr("rigctl.runner.rig_lock._state_folder", lambda: tmp_path / "locks")
     monkeypatch.setenv("PYTHONPATH", str(DRIVERS))
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.syspath_prepend(str(DRIVERS))
-    (tmp_path / "rigctl.toml").write_text('drivers = ["bench_driver"]\n', encoding="utf-8")
+    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    monkeypatch.setattr(
+        "rigctl.backends.python.permission._file", lambda: tmp_path / "config" / "drivers.json"
+    )
     (tmp_path / "faults").write_text("", encoding="utf-8")
     write_rig(tmp_path)
     (tmp_path / "endless.yaml").write_text(ENDLESS, encoding="utf-8")
@@ -96,13 +101,14 @@ def start(server: ScpiServer, procedure: str) -> subprocess.Popen[str]:
         procedure,
         "--port",
         f"127.0.0.1:{server.number}",
+        *ALLOWED,
         "--json",
     ]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
-def port(server: ScpiServer) -> tuple[str, str]:
-    return "--port", f"127.0.0.1:{server.number}"
+def port(server: ScpiServer) -> tuple[str, ...]:
+    return "--port", f"127.0.0.1:{server.number}", *ALLOWED
 
 
 def wait_until_on(server: ScpiServer, running: subprocess.Popen[str]) -> None:
@@ -189,15 +195,45 @@ def test_outputs_are_off_after_a_kill(killed: str, server: ScpiServer, project: 
     assert running.returncode != 0
 
 
-def test_a_rig_file_alone_imports_nothing(server: ScpiServer, project: Path) -> None:
-    (project / "rigctl.toml").write_text("", encoding="utf-8")
-    refused = refusal("run", "step.yaml", *port(server))
+@pytest.mark.parametrize("listed", [False, True])
+def test_neither_a_rig_file_nor_its_folder_imports_anything(
+    listed: bool, server: ScpiServer, project: Path
+) -> None:
+    """A stranger's folder has a rigctl.toml, too."""
+    (project / "rigctl.toml").write_text('drivers = ["bench_driver"]' if listed else "", encoding="utf-8")
+    reached = port(server)[:2]
+    refused = refusal("run", "step.yaml", *reached)
     assert "has not been allowed" in refused
     assert "--allow-driver bench_driver" in refused
     assert not (project / "process").exists()
-    done = call("run", "step.yaml", *port(server), "--allow-driver", "bench_driver", "--json")
+    shown = ("monitor", "--rig", "rig.yaml", *reached, "--count", "1", "--json")
+    done = call(*shown, *ALLOWED)
     assert done.exit_code == 0, done.output
-    refusal("run", "step.yaml", *port(server))  # it was for one command
+    assert ("bench_driver" in allowed()) == listed  # kept, outside the project's own files
+
+
+@pytest.mark.parametrize("answer", [True, False])
+def test_at_a_terminal_the_user_is_asked_once(
+    answer: bool, server: ScpiServer, project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def confirm(question: str, **_: object) -> bool:
+        asked.append(question)
+        return answer
+
+    monkeypatch.setattr("rigctl.cli.attended_run.typing_possible", lambda: True)
+    monkeypatch.setattr("typer.confirm", confirm)
+    shown = ("monitor", "--rig", "rig.yaml", *port(server)[:2], "--count", "1", "--json")
+    if answer:
+        done = call(*shown)
+        assert done.exit_code == 0, done.output
+    else:
+        assert "has not been allowed" in refusal(*shown)
+    assert ("bench_driver" in allowed()) == answer  # it is not asked again
+    assert len(asked) == 1
+    assert "'bench_driver'" in asked[0]
+    assert (project / "process").exists() == answer
 
 
 @pytest.mark.parametrize(

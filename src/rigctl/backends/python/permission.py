@@ -1,8 +1,9 @@
 """Which Python packages may be imported for drivers: those that the user has allowed, and no others.
 
-A rig file may come from a stranger and names any package; importing one executes it. A package is allowed by
-``drivers = ["pymeasure"]`` in ``rigctl.toml``, by ``--allow-driver`` for one command, or by an answer at the
-terminal, which is kept for the project in a file of the user.
+A rig file names any package, and importing one executes it; the file may come from a stranger, with its whole
+folder, ``rigctl.toml`` included. A package is therefore allowed only by ``--allow-driver``, or by an answer
+at the terminal. The answer is kept for the project in a file of the user, and so is ``--allow-driver`` for a
+package that ``drivers = ["pymeasure"]`` in ``rigctl.toml`` lists; for any other it is for one command.
 """
 
 from __future__ import annotations
@@ -35,14 +36,17 @@ def require_allowed(package: str) -> None:
     known = allowed()
     if package in sys.stdlib_module_names:
         require_package(package)
+    listed = package in find_project().drivers
     if package not in known and not _asked(package):
         raise RigctlError(
             "this package has not been allowed to be imported for a driver",
             value=package,
             nearest=nearest_name(package, known),
-            hint=f'drivers = ["{package}"] in rigctl.toml allows it, or --allow-driver {package}',
+            hint=f"--allow-driver {package} allows it {'for this project' if listed else 'for one command'}",
         )
     require_package(package)
+    if listed and package in _given:
+        _keep(package)
 
 
 def require_package(package: str, before: str = "") -> None:
@@ -67,7 +71,7 @@ def require_package(package: str, before: str = "") -> None:
 
 def allowed() -> set[str]:
     """Return the packages that may be imported for drivers."""
-    return {*find_project().drivers, *_given, *_kept()}
+    return {*_given, *_kept()}
 
 
 def distribution(package: str) -> str:

@@ -117,8 +117,17 @@ def _plugins() -> Iterator[Finding]:
 def _drivers() -> Iterator[Finding]:
     """The packages that drivers of devices may be imported from; none is imported here."""
     from rigctl.backends.python.permission import allowed, distribution
+    from rigctl.project import find_project
 
-    for package in sorted(allowed()):
+    known = allowed()
+    for package in sorted({*find_project().drivers} - known):
+        yield Finding(
+            f"{package} (driver)",
+            "optional",
+            "listed in rigctl.toml, not allowed",
+            f"--allow-driver {package}",
+        )
+    for package in sorted(known):
         if find_spec(package) is None:
             yield Finding(
                 f"{package} (driver)", "broken", "allowed, but not installed", f"pip install {package}"

@@ -33,8 +33,8 @@ AllowDriverOption = Annotated[
         "--allow-driver",
         metavar="PACKAGE",
         callback=_allow,
-        help="Python package that the rig file may name a driver of; repeatable. 'drivers' in rigctl.toml "
-        "does so for all commands.",
+        help="Python package that the rig file may name a driver of; repeatable. If 'drivers' in rigctl.toml "
+        "lists it, this is kept for the project; otherwise it is for one command.",
         show_default=False,
     ),
 ]
