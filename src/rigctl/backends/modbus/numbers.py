@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-#: relative: a number of four bytes has seven digits
-_ROUNDING = 1e-6
+from rigctl.backends.transport.readback import repeats
+
 _FORMATS: Mapping[str, str] = {
     "int16": ">h",
     "uint16": ">H",
@@ -70,23 +70,18 @@ class Place:
         """
         found = self._unpacked(words)
         if isinstance(found, float):
-            if 0.0 < abs(found) < _SMALLEST[self.kind]:
-                return "nan"
-            number = found * self.scale + self.offset
-        elif found == self.invalid:
-            return "nan"
-        elif self.is_bit:
-            return str(found)
+            missing = 0.0 < abs(found) < _SMALLEST[self.kind]
         else:
-            number = found * self.scale + self.offset
-        return format(number, _DIGITS.get(self.kind, ".15e"))
+            missing = found == self.invalid
+        if missing:
+            return "nan"
+        return str(found) if self.is_bit else format(self.number(words), _DIGITS.get(self.kind, ".15e"))
 
     def repeats(self, words: Sequence[int], number: float) -> bool:
         """Return whether registers have a number that was written to others, as these round."""
         found = self._unpacked(words)
-        step = 0.0 if isinstance(found, float) else 0.5 * abs(self.scale)
-        near = abs(found * self.scale + self.offset - number) <= step + _ROUNDING * abs(number)
-        return near and not self.is_bit and found != self.invalid
+        number_here = not self.is_bit and found != self.invalid
+        return number_here and repeats(found, self.scale, self.offset, number)
 
     def number(self, words: Sequence[int]) -> float:
         """Return the number that registers have."""

@@ -20,11 +20,11 @@ from typing import Any, TypeVar
 
 from rigctl.backends.transport.client_port import ClientPort
 from rigctl.backends.transport.port import AnotherDevice, PortLost
+from rigctl.backends.transport.readback import repeats
 from rigctl.clock import Clock
 
 _PRODUCT, _VERSION, _NOW = "i=2261", "i=2264", "i=2258"  # of the server's status; part 5, 12.10
 _ENDS_WITHIN = 0.5  # s to close the session
-_ROUNDING = 1e-6  # relative: a number of four bytes has seven digits
 
 #: status codes of a session that cannot be used again
 _ENDED = (
@@ -63,9 +63,7 @@ class _Item:
         there = None if answer.Value is None else answer.Value.Value
         if not (answer.StatusCode.is_good() and isinstance(there, bool | int | float)):
             return False
-        step = 0.0 if isinstance(there, float) else 0.5 * abs(self.scale)
-        near = abs(there * self.scale + self.offset - number) <= step + _ROUNDING * abs(number)
-        return near and not isinstance(there, bool)
+        return not isinstance(there, bool) and repeats(there, self.scale, self.offset, number)
 
     def text(self, answer: Any, clock: _ServerClock) -> str:
         """Return the number in a node's answer as text, with all its digits, as ``5`` could be a rounded 5.4;

@@ -22,6 +22,8 @@ from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from typing import IO, Any
 
+from rigctl.backends.transport.readback import is_near
+
 _PART = re.compile(r"[^.\[\]]+")
 _MOST = 120  # characters of what a driver says that are repeated
 
@@ -119,8 +121,11 @@ class Driver:
         if name not in self._settings["writes"]:
             return _written(number * part["scale"] + part["offset"])
         put, text = self._set.get(name, (math.nan, ""))
-        near = abs(number - put) <= part["within"] + 1e-6 * abs(put)  # a float of four bytes has seven digits
-        return text if near else _written(number * part["scale"] + part["offset"])
+        return (
+            text
+            if is_near(number, put, part["within"])
+            else _written(number * part["scale"] + part["offset"])
+        )
 
     def _number(self, value: Any, part: Mapping[str, Any]) -> float:
         """Return the number that a driver gives, in the unit that the rig file states; NaN is one.
