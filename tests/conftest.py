@@ -157,6 +157,7 @@ def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("state")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(folder))
+        patch.setenv("XDG_CONFIG_HOME", str(folder))  # of what a user has allowed; on Windows the next one
         patch.setenv("WIN_PD_OVERRIDE_LOCAL_APPDATA", str(folder))  # the same, on Windows
         yield folder
         end_guards(folder)
