@@ -14,9 +14,12 @@ from typing import Any, Final
 
 from rigctl.errors import RigctlError
 
+#: the group of backends, each a module or an object with ``create(rig, clock, options)``; it is wanted in
+#: several rooms, other groups are named where they are used
+BACKENDS: Final = "rigctl.backends"
 #: by group, what its entries are
 GROUPS: Final = {
-    "rigctl.backends": "a backend",
+    BACKENDS: "a backend",
     "rigctl.importers": "a reader of files",
     "rigctl.exporters": "a writer of files",
     "rigctl.families": "a family of models",

@@ -10,7 +10,7 @@ from rigctl.backends.protocol import Backend
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError, require_known, unknown_name
-from rigctl.plugins import load_plugin, plugin_names
+from rigctl.plugins import BACKENDS, load_plugin, plugin_names
 from rigctl.rig import DEVICES, Rig
 
 #: name on the command line -> module whose ``create(rig, clock, options)`` makes it
@@ -26,8 +26,6 @@ _MODULES: Mapping[str, str] = {
     "visa": "rigctl.backends.visa.create",
 }
 
-#: group of the entry points of other packages; each is a module, or an object, with the same ``create``
-ENTRY_POINTS = "rigctl.backends"
 
 #: backends that stand for a whole bench, whatever its devices are
 _WHOLE = ("simulated", "emulated", "replay")
@@ -126,7 +124,7 @@ def _chosen(
 ) -> tuple[str, dict[str, object]]:
     """Return the name of a backend, and its options."""
     name = choice or rig.kind
-    if name not in _MODULES and name not in (installed := plugin_names(ENTRY_POINTS)):
+    if name not in _MODULES and name not in (installed := plugin_names(BACKENDS)):
         raise unknown_name("backend", name, (*_MODULES, *installed))
     if (name == DEVICES) != bool(rig.devices) and name not in _WHOLE:
         has = "several devices" if rig.devices else "one backend"
@@ -139,7 +137,7 @@ def _chosen(
 
 def _module(name: str) -> Any:
     """Return what makes a backend: a module of rigctl, or what an installed package has registered."""
-    return import_module(_MODULES[name]) if name in _MODULES else load_plugin(ENTRY_POINTS, name)
+    return import_module(_MODULES[name]) if name in _MODULES else load_plugin(BACKENDS, name)
 
 
 def other_readings(rig: Rig) -> Iterator[tuple[str, Rig]]:

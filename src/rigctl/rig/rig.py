@@ -20,7 +20,7 @@ from rigctl.files.amount import AnyAmount
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q, reader_schema
 from rigctl.notebook import one_line
-from rigctl.plugins import plugin_names
+from rigctl.plugins import BACKENDS, plugin_names
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.base import RigFilePart
 from rigctl.rig.channel import Channel
@@ -67,7 +67,7 @@ class _Kind:
         """
         if isinstance(written, str) and written in self.known:
             return written
-        installed = plugin_names("rigctl.backends")
+        installed = plugin_names(BACKENDS)
         if isinstance(written, str) and written in installed:
             return written
         raise unknown_name("kind of backend", str(written), (*self.known, *installed))

@@ -15,7 +15,7 @@ from typing import Any
 from rigctl.backends.transport.address_key import address_key
 from rigctl.backends.transport.port import Port
 from rigctl.clock import Clock
-from rigctl.plugins import load_plugin
+from rigctl.plugins import BACKENDS, load_plugin
 
 #: kind of port -> module whose ``open_port(url, settings, clock)`` opens it
 _OPENERS: Mapping[str, str] = {
@@ -74,6 +74,6 @@ class Address:
             there is no permission, or the address is invalid.
         """
         known = self.kind in _OPENERS
-        opener = import_module(_OPENERS[self.kind]) if known else load_plugin("rigctl.backends", self.kind)
+        opener = import_module(_OPENERS[self.kind]) if known else load_plugin(BACKENDS, self.kind)
         port: Port = opener.open_port(self.url, self.settings, clock)
         return port
