@@ -44,7 +44,7 @@ class Sample:
     commands: the actuators' commanded values in the order of ``rig.layout.commands``, in force when
         the channels were read.
     reading: on a bench of several devices, the one reading that is new in this sample. The other values are
-        the newest of each channel, unless they are older than their device's ``stale_after``.
+        the newest of each channel, unless they are older than its ``stale_after``.
     """
 
     time: float

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
 from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyAmount, AnyDifference
+from rigctl.files.quantity import Q
 from rigctl.rig.base import RigFilePart
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
 from rigctl.rig.stated_noise import StatedNoise
@@ -98,6 +99,11 @@ class Channel(RigFilePart):
         default=None,
         description="the physically possible range: a reading outside is no value, and a sensor that gives "
         "none for `stale_after`, or in a fifth of its readings, is broken",
+    )
+    stale_after: Annotated[float, Q("s", positive=True)] | None = Field(
+        default=None,
+        description="a reading older than this is no value, and no value for this time is a fault; by "
+        "default `stale_after` of its device, or of the rig",
     )
     counts_up: bool = Field(
         default=False,

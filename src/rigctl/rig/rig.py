@@ -171,7 +171,9 @@ class Rig(RigFilePart):
         description="sampling rate between records while a directional valve is not in its safe state",
     )
     stale_after: Annotated[float, Q("s", positive=True)] = Field(
-        default=1.0, description="silence of the bench for this time is a fault"
+        default=1.0,
+        description="silence of the bench for this time is a fault, and so is a channel without a value for "
+        "it; a device or a channel may have another",
     )
     unattended_for: Annotated[float, Q("s", positive=True)] = Field(
         default=600.0,
@@ -251,9 +253,29 @@ class Rig(RigFilePart):
         """Return how often a device is read, Hz, when the bench is sampled at `rate`."""
         return min(rate, self.parts[device].fastest)
 
+    def stale_after_of(self, channel: str) -> float:
+        """Return the age above which a reading is no value, s, as stated nearest to the channel."""
+        return self.channels[channel].stale_after or self.parts[self.device_of(channel)].stale_after
+
+    def stale_limit(self, channel: str, rate: float) -> float:
+        """Return that age when the bench is sampled at `rate`: a slow rate makes nothing stale."""
+        return max(self.stale_after_of(channel), 3.0 / self.rate_of(self.device_of(channel), rate))
+
+    @property
+    def tolerated_silence(self) -> float:
+        """The time without any reading, s, after which the first of the channels is stale."""
+        return min(map(self.stale_after_of, self.channels), default=self.stale_after)
+
     def silence_limit(self, device: str, rate: float) -> float:
         """Return the longest time without a reading of a device, s, when the bench is sampled at `rate`."""
-        return max(self.parts[device].stale_after, 3.0 / self.rate_of(device, rate))
+        return max(self.parts[device].tolerated_silence, 3.0 / self.rate_of(device, rate))
+
+    def whose_stale_after(self, channel: str) -> str:
+        """Return whose `stale_after` counts for a channel: its name or its device's; empty for the rig's."""
+        device = self.device_of(channel)
+        if self.channels[channel].stale_after is not None:
+            return channel
+        return device if device and self.devices[device].stale_after is not None else ""
 
     @property
     def text(self) -> str:

@@ -65,6 +65,7 @@ class Watch:
     window: s over which a rate of change is taken; None for the value itself.
     missing: whether a missing value (NaN) counts as outside; otherwise it changes nothing.
     describe: the message for a value outside.
+    limit: what the message of one that was outside without a break adds on how long that may be.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Watch:
     describe: Callable[[float], str]
     window: float | None = None
     missing: bool = False
+    limit: str = ""
     inside_since: float | None = None
     raised: Alarm | None = None
     excess: float = 0.0  #: exceedance of the newest value outside, SI
@@ -124,7 +126,9 @@ class Watch:
         if self.raised is not None or not persists:
             return None
         message = self.describe(value)
-        if not self.persistence.unbroken(time):
+        if self.persistence.unbroken(time):
+            message += self.limit
+        else:
             outside, readings = self.persistence.share
             message += f", as in {outside} of the last {readings} readings"
         self.raised = Alarm(time, self.name, self.channel, self.action, message, value)
@@ -313,7 +317,7 @@ class Interlocks:
         columns = {name: index for index, name in enumerate(rig.layout.columns)}
         self._rig = rig
         self._possible = PossibleReadings(rig)
-        self._stale_after = rig.stale_after
+        self._stale_after = rig.tolerated_silence
         self._groups = {name: _Group(rig, part.channels.keys()) for name, part in rig.parts.items()}
         self._safe = [
             (columns[name], float(rig.safe_state.get(name, 0.0)))
@@ -382,6 +386,7 @@ class Interlocks:
             return None
         self._silent = True
         message = f"no sample for {now - newest:.3g} s, expected one every {period:.3g} s"
+        message += _stated_silence(self._rig, "", self.silence_limit(period))
         return Alarm(now, "stale", "", "stop", message, now - newest)
 
     def check_devices(self, now: float, since: float, rate: float) -> tuple[str, Alarm | None]:
@@ -404,6 +409,7 @@ class Interlocks:
             self.silent_devices.add(device)
             expected = 1.0 / self._rig.rate_of(device, rate)
             message = f"{device}: no reading for {silence:.3g} s, expected one every {expected:.3g} s"
+            message += _stated_silence(self._rig, device, limit)
             return device, Alarm(now, f"{device} stale", "", "stop", message, silence)
         return "", None
 
@@ -426,6 +432,7 @@ def _of_ranges(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
     watches = []
     for name, channel in rig.channels.items():
         low, high = channel.band
+        limit = rig.stale_after_of(name)
         watches.append(
             Watch(
                 name=f"{name} sensor",
@@ -433,13 +440,28 @@ def _of_ranges(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
                 column=columns[name],
                 low=low,
                 high=high,
-                persistence=Persistence(rig.stale_after, _SENSOR_WINDOW * rig.stale_after),
+                persistence=Persistence(limit, _SENSOR_WINDOW * limit),
                 action="stop",
                 describe=partial(_impossible, name, channel),
                 missing=True,
+                limit=_stated(rig, name),
             )
         )
     return watches
+
+
+def _stated(rig: Rig, channel: str) -> str:
+    """What a message adds on the limit that counts for a channel; nothing where it is the rig's."""
+    owner = rig.whose_stale_after(channel)
+    return f"; stale_after of {owner} is {rig.stale_after_of(channel):g} s" if owner else ""
+
+
+def _stated_silence(rig: Rig, device: str, limit: float) -> str:
+    """What a message adds on the limit of a silence: that of the channel which is stale first."""
+    channels = rig.channels if not device else rig.parts[device].channels
+    first = min(channels, key=rig.stale_after_of, default=None)
+    by_rate = first is None or limit > rig.stale_after_of(first)
+    return "" if first is None or by_rate else _stated(rig, first)
 
 
 def _disturbances(rig: Rig, columns: Mapping[str, int]) -> list[Disturbance]:

@@ -42,12 +42,14 @@ class DeviceState:
     own_clock: whether it dates its readings with a clock of its own, which is compared with this computer's.
     answers_in: s, the shortest time that its queries for a sample have taken; NaN where it sends by itself.
     age: s, of its newest reading; NaN before the first one.
+    stale_after: s, silence that is a fault at the present rate: that after which its first channel is stale.
     """
 
     identity: Mapping[str, str]
     own_clock: bool
     answers_in: float
     age: float
+    stale_after: float
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,8 @@ def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
                     one.message for one in backend.take_notices() if one.kind in ("fault", "note")
                 )
                 read_at[sample.device] = read.time
-                states = _device_states(rig, backend, {name: newest - time for name, time in read_at.items()})
+                ages = {name: newest - time for name, time in read_at.items()}
+                states = _device_states(rig, backend, rate, ages)
                 yield Reading(sample, interlocks.check(row, sample.device), notices, states)
             elif not rig.devices:
                 silence = interlocks.check_silence(clock.now(), newest, 1.0 / rate)
@@ -173,7 +176,9 @@ def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
                 raise RigctlError(silence.message, exit_code=ExitCode.FAILED)
 
 
-def _device_states(rig: Rig, backend: Backend, ages: Mapping[str, float]) -> dict[str, DeviceState]:
+def _device_states(
+    rig: Rig, backend: Backend, rate: float, ages: Mapping[str, float]
+) -> dict[str, DeviceState]:
     """The state of each of several devices; none of a bench that has one."""
     if not isinstance(backend, Combined):
         return {}
@@ -185,6 +190,7 @@ def _device_states(rig: Rig, backend: Backend, ages: Mapping[str, float]) -> dic
             described.lines is None and described.kind in ("serial", "emulated"),
             (isinstance(bench, Polled) and bench.sample_takes) or math.nan,
             ages.get(name, math.nan),
+            rig.silence_limit(name, rate),
         )
     return states
 

@@ -33,12 +33,16 @@ class Merging:
         #: of each command since when (s) it has had which value
         self._changes = [[(-math.inf, value)] for value in self._commanded]
         self.read_at: dict[str, float] = {}  #: time of each device's newest reading, s
-        self._limits: dict[str, float] = {}  # age at which a device's values are none any more, s
+        #: age at which the values of each device's channels are none any more, s, in the order of its columns
+        self._limits: dict[str, tuple[float, ...]] = {}
         self._changed = self._time = -math.inf
 
     def start(self, rate: float) -> None:
         """Take note of the rate at which the bench is sampled, Hz."""
-        self._limits = {name: self._rig.silence_limit(name, rate) for name in self._rig.parts}
+        self._limits = {
+            name: tuple(self._rig.stale_limit(channel, rate) for channel in part.layout.channels)
+            for name, part in self._rig.parts.items()
+        }
 
     def switched(self, receipt: CommandReceipt) -> None:
         """Take note of a command that has been carried out, before its device is read again."""
@@ -66,14 +70,16 @@ class Merging:
         Their age is that at the newest reading: what is fetched late, after a stall, is not old.
         """
         old = [
-            name
+            column
             for name, time in self.read_at.items()
-            if name != read and self._time - time > self._limits.get(name, math.inf)
+            if name != read
+            for column, limit in zip(self._channels[name], self._limits.get(name, ()), strict=False)
+            if self._time - time > limit
         ]
         if not old:
             return tuple(self._newest)
         values = list(self._newest)
-        for column in (column for name in old for column in self._channels[name]):
+        for column in old:
             values[column] = math.nan
         return tuple(values)
 

@@ -177,7 +177,7 @@ class Player:
 
     def _wait_at_end(self, last: float, deadline: float) -> None:
         """Wait without samples until `_PATIENCE` of the time after which silence counts as a fault."""
-        given_up = last + _PATIENCE * self._rig.stale_after
+        given_up = last + _PATIENCE * self._rig.tolerated_silence
         self.clock.sleep_until(min(deadline, given_up))
         if deadline >= given_up:
             raise BackendLost(

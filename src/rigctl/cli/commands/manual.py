@@ -210,7 +210,8 @@ def _device_lines(devices: Mapping[str, DeviceState]) -> list[str]:
         known = ", ".join(text for text in one.identity.values() if text)
         answers = "" if math.isnan(one.answers_in) else f"; a sample takes {1e3 * one.answers_in:.3g} ms"
         clock = "its own clock" if one.own_clock else "this computer's clock"
-        lines.append(f"{name}: {known}{answers}; {clock}; read {1e3 * one.age:.0f} ms ago")
+        age = f"read {1e3 * one.age:.0f} ms ago, stale after {one.stale_after:.3g} s"
+        lines.append(f"{name}: {known}{answers}; {clock}; {age}")
     return lines
 
 
@@ -335,6 +336,7 @@ def _as_json(rig: Rig, reading: Reading) -> str:
         document["devices"] = {
             name: {
                 "age": None if math.isnan(one.age) else one.age,
+                "stale_after": one.stale_after,
                 "sample_takes": None if math.isnan(one.answers_in) else one.answers_in,
                 "own_clock": one.own_clock,
             }
