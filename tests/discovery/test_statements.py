@@ -12,11 +12,10 @@ import pytest
 from rigctl.analysis.conclusion import Doubt
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.linear.cross_validation import CrossValidation
-from rigctl.answers.discovery import discovery_answer
+from rigctl.answers.discovery import discovery_answer, gate_statement, notes, statement, too_weak
 from rigctl.answers.discovery import written as written_term
 from rigctl.cli.commands.discover import _suggest_next
 from rigctl.command_line import DataOptions
-from rigctl.discovery.discover import _notes, _statement, _too_weak
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.locate import Located, Map, locate
 from rigctl.discovery.result import Discovery, FoundFormula
@@ -48,6 +47,7 @@ def diagnosed(verdict: Verdict, *, only_misread: bool = False, **changed: Any) -
         "certain_besides": (),
         "remainder": None,
         "statement": "these data show nothing that it lacks",
+        "notes": (),
     }
     return SimpleNamespace(**(said | changed))
 
@@ -104,10 +104,10 @@ def test_a_refused_search_gives_its_reason(
     gate = gate_of(diagnosed(verdict, **changed))
     assert not gate.open
     assert gate.reason == reason
-    assert words in gate.statement
-    found = Discovery((), "", gate, None, (), (), 0, gate.statement, (), cast("Any", None))
+    assert words in gate_statement(gate)
+    found = Discovery((), "", gate, None, (), (), 0, gate.diagnosis)
     told = discovery_answer(found)  # it was printed as "No formula: No search was made: ..."
-    assert f"{told.title}: {told.sentence}" == gate.statement
+    assert f"{told.title}: {told.sentence}" == gate_statement(gate)
     assert told.title.startswith(("No search was made", "There is nothing to discover"))
 
 
@@ -118,17 +118,17 @@ def test_the_search_starts_if_no_library_effect_is_certain() -> None:
 
 
 def test_too_weak_evidence_states_how_many_records_would_suffice() -> None:
-    said = _too_weak(Map((located("friction", 24.0, 0.3),), (), 210, 56.0, 8.0))
+    said = too_weak(Map((located("friction", 24.0, 0.3),), (), 210, 56.0, 8.0))
     assert "210 terms tested" in said
     assert "friction over velocity" in said
     assert "8.0 are needed" in said
     assert "4 times as many records" in said
-    assert "at any location" in _too_weak(Map((), (), 0, 0.0, 8.0))
+    assert "at any location" in too_weak(Map((), (), 0, 0.0, 8.0))
 
 
-def test_a_large_but_uncertain_effect_is_not_called_too_weak() -> None:
+def test_a_large_but_uncertain_effect_is_not_calledtoo_weak() -> None:
     """Else the same sentence has 90 sigma where 8 are needed, and asks for 1.1 times as many records."""
-    said = _too_weak(Map((located("friction", 8108.0, 0.3),), (), 210, 56.0, 8.0))
+    said = too_weak(Map((located("friction", 8108.0, 0.3),), (), 210, 56.0, 8.0))
     assert "90 times as strong as chance" in said
     assert "p = 0.3" in said
     assert "record more conditions" in said
@@ -147,14 +147,18 @@ def test_a_formula_is_written_with_its_slot_as_the_slot_combines_terms(combine: 
 
 
 def test_a_single_condition_and_untestable_locations_are_noted() -> None:
-    lin = SimpleNamespace(regions=SimpleNamespace(groups=(0, 0, 0)))
-    before: Any = SimpleNamespace(linearisation=lin)
+    def noted(groups: tuple[int, ...], searched: Map) -> list[str]:
+        lin = SimpleNamespace(regions=SimpleNamespace(groups=groups))
+        diagnosis: Any = SimpleNamespace(before=SimpleNamespace(linearisation=lin), notes=())
+        return [
+            note.text for note in notes(Discovery((), "", cast("Any", None), searched, (), (), 0, diagnosis))
+        ]
+
     hidden = located("position_reading", 0.0, 1.0, 0)
-    one, untestable = _notes(before, Map((), (hidden,), 1, 1.0, 5.0))
+    one, untestable = noted((0, 0, 0), Map((), (hidden,), 1, 1.0, 5.0))
     assert "one condition" in one
     assert "position_reading over velocity" in untestable
-    several: Any = SimpleNamespace(linearisation=SimpleNamespace(regions=SimpleNamespace(groups=(0, 1))))
-    assert list(_notes(several, Map((), (), 1, 1.0, 5.0))) == []
+    assert noted((0, 1), Map((), (), 1, 1.0, 5.0)) == []
 
 
 def test_locations_that_explain_nearly_as_much_are_rivals_unless_refuted() -> None:
@@ -187,13 +191,13 @@ def made(formulas: tuple[Any, ...], *places: Located) -> Discovery:
                 term="size*velocity",
                 alike=tuple(other.name for other in one.same),
                 left=0.0,
-                accepted=True,
+                doubt=None,
                 p_value_after=0.5,
             ),
         )
         for one in formulas
     )
-    return Discovery((), "m", cast("Any", None), searched, (), shown, 50, "", (), cast("Any", None))
+    return Discovery((), "m", cast("Any", None), searched, (), shown, 50, cast("Any", None))
 
 
 VELOCITY_ONLY = formula("friction", "velocity")
@@ -248,7 +252,7 @@ def test_the_answer_names_all_locations_and_variables_that_it_cannot_distinguish
 ) -> None:
     assert list(dict.fromkeys(one.slot for one in answer.where)) == slots
     assert [list(over) for over in dict.fromkeys(one.over for one in answer.where)] == drivers
-    assert _statement(answer).startswith(f"A term is missing{said}")
+    assert statement(answer).startswith(f"A term is missing{said}")
 
 
 def test_a_large_class_of_locations_is_abbreviated_to_a_few_and_a_count() -> None:
@@ -257,7 +261,7 @@ def test_a_large_class_of_locations_is_abbreviated_to_a_few_and_a_count() -> Non
         (VELOCITY_ONLY,),
         replace(located("friction", 400.0), alike=tuple(n for n in names if n != "friction")),
     )
-    assert f"or {len(answer.where) - 6} more)" in _statement(answer)
+    assert f"or {len(answer.where) - 6} more)" in statement(answer)
 
 
 @pytest.mark.parametrize(
@@ -279,10 +283,8 @@ def test_a_formula_that_is_not_accepted_comes_with_the_reason(
     (one,) = answer.formulas
     found: Any = SimpleNamespace(check=check, left=0.0)
     doubt = FoundFormula.doubt.__get__(found)
-    shown: Any = SimpleNamespace(**{**vars(one), "accepted": False, "doubt": doubt})
-    assert _statement(replace(answer, formulas=(shown,))).endswith(
-        f". {said}, and it should not be relied on"
-    )
+    shown: Any = SimpleNamespace(**{**vars(one), "doubt": doubt})
+    assert statement(replace(answer, formulas=(shown,))).endswith(f". {said}, and it should not be relied on")
 
 
 def test_where_no_term_would_be_visible_the_search_says_so() -> None:
@@ -290,7 +292,7 @@ def test_where_no_term_would_be_visible_the_search_says_so() -> None:
     found = locate(opened, 100.0)
     assert not found.sure
     assert found.most_wanted == ()
-    assert "would not be visible in these data at any location" in _too_weak(found)
+    assert "would not be visible in these data at any location" in too_weak(found)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,10 @@ from rigctl.analysis.improve import Improvement
 from rigctl.answers import agreement, table_findings
 from rigctl.answers import improvement as improved
 from rigctl.answers.decided_by import decisions
+from rigctl.answers.discovery import gate_statement, notes
 from rigctl.answers.evidence import sentence
 from rigctl.answers.verdict import doubt_text, statement
+from rigctl.discovery.result import Discovery
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.assumptions import conditional_document, conditional_numbers
 
@@ -131,4 +133,34 @@ def improvement_document(improvement: Improvement) -> dict[str, Any]:
         "reason": improved.refusal_text(improvement),
         "after": diagnosis_document(improvement.last) if improvement.steps else None,
         "unseen": [one.document() for one in improvement.unseen],
+    }
+
+
+def discovery_document(discovery: Discovery) -> dict[str, Any]:
+    """The machine-readable answer."""
+    gate, searched, where = discovery.gate, discovery.searched, discovery.where
+    slots = list(dict.fromkeys(one.slot for one in where))
+    drivers = list(dict.fromkeys(one.over for one in where))
+    return {
+        "runs": list(discovery.runs),
+        "model": discovery.model,
+        "gate": {"open": gate.open, "reason": gate.reason, "statement": gate_statement(gate)},
+        "located": [one.document() for one in discovery.located],
+        "rivals": [one.document() for one in discovery.rivals],
+        "place": {"slots": slots, "sure": len(slots) == 1},
+        "driver": {"variables": [list(over) for over in drivers], "sure": len(drivers) == 1},
+        "untestable": [
+            {"slot": one.slot.name, "over": [driver.name for driver in one.over]}
+            for one in (() if searched is None else searched.hidden)
+        ],
+        "searched": {
+            "places": 0 if searched is None else searched.tests,
+            "independent": 0.0 if searched is None else searched.independent,
+            "formulas": discovery.tried,
+            "size_needed": None if searched is None else searched.needed,
+        },
+        "curves": [one.document() for one in discovery.curves],
+        "formulas": [one.document() for one in discovery.formulas],
+        "notes": [note.text for note in notes(discovery)],
+        "statement": discovery.statement,
     }

@@ -44,13 +44,15 @@ class Tier:
     ----------
     coefficient: in front of the group, a pure number; for tier B in the unit given by `group`.
     group: ``mass*stiffness^0.5``, or the unit of the coefficient.
-    statement: in words.
+    scales: the pure number and the group of each scale that has a dimension; for tier A.
+    lacking: what has a dimension that no group has; for tier B.
     """
 
     letter: Literal["A", "B"]
     coefficient: float
     group: str
-    statement: str
+    scales: tuple[tuple[float, str], ...] = ()
+    lacking: Literal["", "size", "scale"] = ""
 
 
 def tier_of(formula: Formula, model: Model) -> Tier:
@@ -66,16 +68,8 @@ def tier_of(formula: Formula, model: Model) -> Tier:
     known = [one for one in groups if one is not None]
     if len(known) == len(groups):
         (number, text), *others = known
-        size_text = f"{number:.3g} times {text}" if text else f"the pure number {number:.3g}"
-        more = "".join(f", scale {value:.3g} times {group}" for value, group in others if group)
-        return Tier("A", number, text, f"no dimensional constant of its own: {size_text}{more}")
-    missing = "its size" if groups[0] is None else "a scale of it"
-    return Tier(
-        "B",
-        size,
-        unit,
-        f"the weaker claim: {missing} has a dimension that no group of the model's parameters has",
-    )
+        return Tier("A", number, text, tuple((value, group) for value, group in others if group))
+    return Tier("B", size, unit, lacking="size" if groups[0] is None else "scale")
 
 
 def _coefficient(formula: Formula) -> tuple[float, Dimension, str]:

@@ -3,14 +3,11 @@ formulas."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from rigctl.analysis.agreement.adequacy import Adequacy
 from rigctl.analysis.comparison import compare
-from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.decision_levels import ALPHA, STAND_IN
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
@@ -24,22 +21,18 @@ from rigctl.discovery.formula_fit import Fitted, left_out, refit_formulas, tests
 from rigctl.discovery.formulas import score_formulas
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.grammar import DISTANCES
-from rigctl.discovery.locate import Map, locate
+from rigctl.discovery.locate import locate
 from rigctl.discovery.open_slots import OpenSlots, open_slots
 from rigctl.discovery.passivity import passivity
-from rigctl.discovery.result import Discovery, FormulaParameter, FoundFormula, Where, parameter
+from rigctl.discovery.result import Discovery, FormulaParameter, FoundFormula, parameter
 from rigctl.effects.declaration import qualified
 from rigctl.effects.drivers import Driver
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.model.measured.note import as_notes
 from rigctl.model.model import Model
 from rigctl.physics.family import ModelFamily
 from rigctl.tasks import Workers
-from rigctl.wording import chance_text, share_text, strength
 
-#: number of other locations that are named
-_RIVALS = 5
 #: number of curves that are drawn
 _CURVES = 3
 #: extension of the data's range at either end, as a share of it
@@ -112,17 +105,15 @@ def discover_beside(
     """
     report = on_progress or no_progress
     before, gate = diagnosis.before, gate_of(diagnosis)
-    result = Discovery(
-        diagnosis.runs, diagnosis.model, gate, None, (), (), 0, gate.statement, diagnosis.notes, diagnosis
-    )
+    result = Discovery(diagnosis.runs, diagnosis.model, gate, None, (), (), 0, diagnosis)
     if not gate.open:
         return result
     samples = RefittedSets(before, before.whole).samples
     opened = open_slots(before, progress=report)
     searched = locate(opened, samples, slot, report)
-    result = replace(result, searched=searched, notes=(*diagnosis.notes, *as_notes(_notes(before, searched))))
+    result = replace(result, searched=searched)
     if not searched.sure:
-        return replace(result, statement=_too_weak(searched))
+        return result
     report("Scoring formulas")
     scored = score_formulas(opened, searched.most_wanted, samples)
     fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, report, workers)
@@ -134,8 +125,7 @@ def discover_beside(
     refuted = frozenset(one.formula.slot.name for one in fitted) - slots
     report("Drawing the curves")
     curves = curves_of(opened, [one.formula for one in chosen], searched.located, _CURVES)
-    result = replace(result, curves=curves, formulas=formulas, tried=scored.tried, refuted=refuted)
-    return replace(result, statement=_statement(result))
+    return replace(result, curves=curves, formulas=formulas, tried=scored.tried, refuted=refuted)
 
 
 def _found(one: Fitted, best: Fitted, opened: OpenSlots, before: RefittedSet) -> FoundFormula:
@@ -184,83 +174,3 @@ def _parameters(one: Fitted, model: Model) -> Iterator[tuple[str, FormulaParamet
                 scale.value, std, argument.driver.unit, point=argument.point and scale.kind not in DISTANCES
             ),
         )
-
-
-def _notes(before: ModelComparison, searched: Map) -> Iterator[str]:
-    lin = before.linearisation
-    if len(set(lin.regions.groups)) < 2:
-        yield (
-            "All records are at one condition: the result holds there, and has not been tested at any other. "
-            "Record at a second one"
-        )
-    if searched.hidden:
-        names = ", ".join(one.name for one in searched.hidden[:4])
-        more = f" and {len(searched.hidden) - 4} more" if len(searched.hidden) > 4 else ""
-        yield (
-            f"Not testable with these data: {names}{more}: a term there is equivalent to "
-            "record-level variation or to a change of the fitted parameters"
-        )
-
-
-def _too_weak(searched: Map) -> str:
-    if not searched.located:
-        return "Something is missing, but a term would not be visible in these data at any location"
-    best = searched.located[0]
-    if best.size > searched.needed:
-        return (
-            f"Not certain enough to discover: the best of {searched.tests} terms tested, {best.name}, is "
-            f"{strength(best.size)}, but its residuals vary so much from record to record that "
-            f"chance alone may explain it ({chance_text(best.p_value)}); record more conditions"
-        )
-    factor = max((searched.needed / best.size) ** 2 if best.size else math.inf, 1.1)
-    more = f", or about {factor:.2g} times as many records like these" if factor < 100.0 else ""
-    return (
-        f"Too weak to discover: the best of {searched.tests} terms tested, {best.name}, is "
-        f"{strength(best.size)} ({chance_text(best.p_value)}); {searched.needed:.1f} are needed{more}"
-    )
-
-
-def _statement(discovery: Discovery) -> str:
-    where = f"A term is missing{_where(discovery.where)}"
-    if not discovery.formulas:
-        return (
-            f"{where}; none of the {discovery.tried} formulas tried explains enough for its parameters, so "
-            "the curve is all that these data show"
-        )
-    first, count = discovery.formulas[0], len(discovery.formulas)
-    remain = "one remains" if count == 1 else f"{count} remain that these data do not distinguish, first"
-    text = f"{where}; of {discovery.tried} formulas {remain}: {first.term}"
-    if len({one.slot for one in discovery.where}) > 1:
-        text += f" at {first.slot}"
-    if first.alike:
-        text += f" ({len(first.alike)} more are equivalent in these data)"
-    if first.left > STAND_IN:
-        over = " and ".join(row[0] for row in first.valid)
-        return (
-            f"Something is missing that no formula describes: the nearest of {discovery.tried} acts at "
-            f"{first.slot} over {over} and leaves {share_text(first.left)} of the misfit. What is missing "
-            "may depend on time or on something that is not recorded, or act at several locations"
-        )
-    if not first.accepted:
-        text += f". {first.doubt[0].upper()}{first.doubt[1:]}, and it should not be relied on"
-    if first.p_value_after < ALPHA:
-        text += ". The model with it still does not agree with the data: something else is missing"
-    return text
-
-
-def _where(where: Sequence[Where]) -> str:
-    """The slot and the variables if they are certain; else the alternatives that these data do not
-    distinguish."""
-    slots = list(dict.fromkeys(one.slot for one in where))
-    drivers = list(dict.fromkeys(" and ".join(one.over) for one in where))
-    if len(slots) > 1 and len(drivers) > 1:
-        return f", its location and variable uncertain ({_or([str(one) for one in where])})"
-    at = f" at {slots[0]}" if len(slots) == 1 else f", its location uncertain ({_or(slots)}),"
-    over = f" over {drivers[0]}" if len(drivers) == 1 else f", its variable uncertain ({_or(drivers)})"
-    return at + over
-
-
-def _or(names: Sequence[str]) -> str:
-    """Some of several names, and the number of the rest."""
-    shown, more = names[: _RIVALS + 1], len(names) - _RIVALS - 1
-    return f"{', '.join(shown)} or {more} more" if more > 0 else " or ".join(shown)

@@ -7,18 +7,39 @@ explains.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Literal
 
-from rigctl.analysis.agreement.replicates import replicate_test
+from rigctl.analysis.agreement.replicates import ReplicateTest, replicate_test
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.notebook import worded
-from rigctl.wording import chance_text
 
 #: the gate is closed if more than this share of the misfit differs between records of one condition
 _IRREPRODUCIBLE = 0.5
+
+
+#: what opened the gate, or keeps it closed
+GateCause = Literal[
+    "outside_library",
+    "adequate",
+    "below_noise",
+    "doubt",
+    "sensor",
+    "library",
+    "library_and_rest",
+    "indistinguishable",
+    "certain_besides",
+    "replicates",
+]
+#: the documented reason of each cause
+_REASONS: dict[GateCause, str] = {
+    "below_noise": "undecided",
+    "doubt": "undecided",
+    "library_and_rest": "library",
+    "indistinguishable": "library",
+    "certain_besides": "library",
+}
 
 
 @dataclass(frozen=True)
@@ -27,58 +48,59 @@ class Gate:
 
     Attributes
     ----------
-    reason: ``outside_library`` if it is open; ``adequate``, ``undecided``, ``sensor``, ``library`` or
-        ``replicates``.
-    sentence: in words; `head` a few words before it, where no search was made.
+    cause: what decided it.
+    diagnosis: of the model, which decided it.
+    replicates: the test between records of one condition, if it decided.
     """
 
-    open: bool
-    reason: str
-    sentence: str
-    head: str = ""
+    cause: GateCause
+    diagnosis: Diagnosis = field(repr=False)
+    replicates: ReplicateTest | None = None
 
     @property
-    def statement(self) -> str:
-        """Head and sentence."""
-        return f"{self.head}: {self.sentence}" if self.head else self.sentence
+    def open(self) -> bool:
+        """Whether a search is worthwhile."""
+        return self.cause == "outside_library"
 
-    def document(self) -> dict[str, Any]:
-        """Its machine-readable form."""
-        return {"open": self.open, "reason": self.reason, "statement": self.statement}
-
-
-_NONE = "No search was made"
-_OPEN = Gate(
-    True,
-    "outside_library",
-    "Something is missing, and no effect of the library explains it with certainty, in any shape of its law",
-)
+    @property
+    def reason(self) -> str:
+        """``outside_library`` if it is open; ``adequate``, ``undecided``, ``sensor``, ``library`` or
+        ``replicates``."""
+        return _REASONS.get(self.cause, self.cause)
 
 
 def gate_of(diagnosis: Diagnosis) -> Gate:
     """The gate of a diagnosed model."""
+    tested = None
+    cause = _cause(diagnosis)
+    if cause == "outside_library":
+        tested = _replicates_differ(diagnosis.before)
+    return Gate(cause if tested is None else "replicates", diagnosis, tested)
+
+
+def _cause(diagnosis: Diagnosis) -> GateCause:
+    """What decides, apart from the differences between records of one condition."""
     before = diagnosis.before
     if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
-        return _of_agreement(diagnosis)
+        return "below_noise" if before.adequacy.below_noise else "adequate"
     if diagnosis.doubt:
-        head = f"{_NONE}, because these data cannot tell whether anything is missing"
-        return Gate(False, "undecided", worded(diagnosis, "verdict.doubt_text"), head)
+        return "doubt"
     if before.adequacy.only_misread and not diagnosis.effects:
-        return Gate(False, "sensor", diagnosis.statement, _NONE)
+        return "sensor"
     if diagnosis.verdict is Verdict.MISSING_EFFECT or (
         diagnosis.verdict is Verdict.AMBIGUOUS and (diagnosis.indistinguishable or _sure(diagnosis))
     ):
-        return Gate(False, "library", *_library(diagnosis))
-    if differ := _replicates_differ(before):
-        return Gate(False, "replicates", differ, _NONE)
-    return _OPEN
+        return _in_library(diagnosis)
+    return "outside_library"
 
 
-def _of_agreement(diagnosis: Diagnosis) -> Gate:
-    before = diagnosis.before
-    if before.adequacy.below_noise:
-        return Gate(False, "undecided", before.statement, _NONE)
-    return Gate(False, "adequate", diagnosis.statement, "There is nothing to discover")
+def _in_library(diagnosis: Diagnosis) -> GateCause:
+    """Whether the library has the whole answer, or a part of it."""
+    if diagnosis.certain_besides:
+        return "certain_besides"
+    if diagnosis.verdict is Verdict.AMBIGUOUS:
+        return "indistinguishable"
+    return "library" if diagnosis.remainder is None else "library_and_rest"
 
 
 def _sure(diagnosis: Diagnosis) -> bool:
@@ -86,40 +108,10 @@ def _sure(diagnosis: Diagnosis) -> bool:
     return any(one.place_sure for one in diagnosis.levels)
 
 
-def _library(diagnosis: Diagnosis) -> tuple[str, str]:
-    """The sentence and its head where the library has the answer, or a part of it."""
-    names = " and ".join(diagnosis.effects)
-    if besides := diagnosis.certain_besides:
-        return (
-            f"{besides[0]} is missing with certainty (except for its law), and so is something else: add "
-            f"{besides[0]} ('rigctl model add'), then search for the rest",
-            f"{_NONE} yet",
-        )
-    if diagnosis.verdict is Verdict.AMBIGUOUS:
-        others = sorted({name for group in diagnosis.classes for name in group} - set(diagnosis.effects))
-        which = f" (or {', '.join(others)})" if others else ""
-        return (
-            f"{names}{which} of the library would explain it, and these data do not show which of these it "
-            "is: 'rigctl diagnose' says what would distinguish them",
-            _NONE,
-        )
-    if diagnosis.remainder is not None:
-        return (
-            f"{names} is certainly missing, but that is not all: add it ('rigctl diagnose … --apply'), then "
-            "search for the rest",
-            f"{_NONE} yet",
-        )
-    return f"the library contains it, {names}: 'rigctl diagnose … --apply' adds it", _NONE
-
-
-def _replicates_differ(before: ModelComparison) -> str:
-    """The sentence that records of one condition differ by more than noise and by most of the misfit; or "":
-    no term of the model's variables explains such differences."""
+def _replicates_differ(before: ModelComparison) -> ReplicateTest | None:
+    """The test by which records of one condition differ by more than noise and by most of the misfit: no term
+    of the model's variables explains such differences."""
     tested = replicate_test(before.linearisation, before.projected.noise_degrees)
     if tested is None or tested.p_value >= ALPHA or tested.share < _IRREPRODUCIBLE:
-        return ""
-    return (
-        "differences between records of one condition account for "
-        f"{100 * tested.share:.0f} % of what the model leaves ({chance_text(tested.p_value)}): something "
-        "changes from record to record that no variable of the model describes. Find out what, or record it"
-    )
+        return None
+    return tested

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from rigctl.analysis.decision_levels import STAND_IN
 from rigctl.analysis.diagnosis_result import Diagnosis
@@ -16,13 +16,15 @@ from rigctl.discovery.formula_fit import Fitted
 from rigctl.discovery.gate import Gate
 from rigctl.discovery.locate import Located, Map
 from rigctl.json_values import finite_or_none
-from rigctl.model.measured.note import Note
-from rigctl.notebook import as_html, one_line
+from rigctl.notebook import as_html, documented, one_line, worded
 from rigctl.units import parse_unit, show, with_uncertainty
-from rigctl.wording import share_text
 
 if TYPE_CHECKING:
     import pandas as pd
+
+#: why a formula is not accepted: no second record; not determined without, or does not predict, what could be
+#: left out; only resembles what is missing
+FormulaDoubt = Literal["one_record", "not_determined", "not_predicted", "resembles"]
 
 
 @dataclass(frozen=True)
@@ -93,17 +95,15 @@ class FoundFormula:
         return not self.doubt
 
     @property
-    def doubt(self) -> str:
-        """Why it is not accepted; "" if it is."""
+    def doubt(self) -> FormulaDoubt | None:
+        """Why it is not accepted; None if it is."""
         if self.check is None:
-            return "there is no second record to test it on"
+            return "one_record"
         if not self.check.possible:
-            return "it is not determined without the records that could be left out"
+            return "not_determined"
         if not self.check.passed:
-            return "it does not predict the conditions left out"
-        if self.left > STAND_IN:
-            return f"it leaves {share_text(self.left)} of the misfit, and only resembles what is missing"
-        return ""
+            return "not_predicted"
+        return "resembles" if self.left > STAND_IN else None
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -113,7 +113,7 @@ class FoundFormula:
             "slot": self.slot,
             "formula": self.term,
             "tier": self.tier.letter,
-            "tier_statement": self.tier.statement,
+            "tier_statement": worded(self.tier, "discovery.tier_statement"),
             "parameters": {
                 name: {"value": one.value, "unit": one.unit, "std": finite_or_none(one.std)}
                 for name, one in self.parameters.items()
@@ -172,7 +172,6 @@ class Discovery:
     formulas: the set: all that these data do not distinguish from the best.
     tried: number of formulas tried.
     refuted: locations whose best formulas were refitted and are worse than the set.
-    statement: in words; `notes` on the data and the search.
     diagnosis: of the model as given.
     """
 
@@ -183,8 +182,6 @@ class Discovery:
     curves: tuple[Curve, ...]
     formulas: tuple[FoundFormula, ...]
     tried: int
-    statement: str
-    notes: tuple[Note, ...]
     diagnosis: Diagnosis = field(repr=False)
     refuted: frozenset[str] = frozenset()
 
@@ -219,34 +216,14 @@ class Discovery:
                 alternatives += [replace(Where.of(located), slot=slot) for slot in located.alike]
         return tuple(dict.fromkeys(alternatives))
 
+    @property
+    def statement(self) -> str:
+        """The result in words."""
+        return worded(self, "discovery.statement")
+
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
-        searched, where = self.searched, self.where
-        slots = list(dict.fromkeys(one.slot for one in where))
-        drivers = list(dict.fromkeys(one.over for one in where))
-        return {
-            "runs": list(self.runs),
-            "model": self.model,
-            "gate": self.gate.document(),
-            "located": [one.document() for one in self.located],
-            "rivals": [one.document() for one in self.rivals],
-            "place": {"slots": slots, "sure": len(slots) == 1},
-            "driver": {"variables": [list(over) for over in drivers], "sure": len(drivers) == 1},
-            "untestable": [
-                {"slot": one.slot.name, "over": [driver.name for driver in one.over]}
-                for one in (() if searched is None else searched.hidden)
-            ],
-            "searched": {
-                "places": 0 if searched is None else searched.tests,
-                "independent": 0.0 if searched is None else searched.independent,
-                "formulas": self.tried,
-                "size_needed": None if searched is None else searched.needed,
-            },
-            "curves": [one.document() for one in self.curves],
-            "formulas": [one.document() for one in self.formulas],
-            "notes": list(map(str, self.notes)),
-            "statement": self.statement,
-        }
+        return documented(self, "discovery_document")
 
     def summary(self) -> str:
         """The result in a few lines."""

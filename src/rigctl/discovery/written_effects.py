@@ -16,6 +16,7 @@ from rigctl.effects.validity import Provenance
 from rigctl.files.write import write_text
 from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 from rigctl.model.model import Model
+from rigctl.notebook import worded
 
 
 def write_files(discovery: Discovery, folder: Path) -> Discovery:
@@ -51,7 +52,7 @@ def _write(
         discovery=DISCOVERY_VERSION,
         date=date.today().isoformat(),  # noqa: DTZ011 - the day on the user's calendar
         tier=one.tier.letter,
-        statement=one.tier.statement,
+        statement=worded(one.tier, "discovery.tier_statement"),
     )
     name, number = one.name, 2
     while name in taken or (folder / _file_name(name)).exists():
