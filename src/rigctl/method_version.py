@@ -15,4 +15,4 @@ FINGERPRINT = "a56a8949a7d2"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 6
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "a7c846c52a75"
+DISCOVERY_FINGERPRINT = "4a7e9c6c731d"
