@@ -16,7 +16,7 @@ from rigctl.analysis.agreement.error_course import error_course
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.fitting import OnProgress, fit_model, no_progress
-from rigctl.analysis.held_out_group import MOST_VARIABLES, HeldOutGroup, held_out_sentences
+from rigctl.analysis.held_out_group import MOST_VARIABLES, HeldOutGroup
 from rigctl.analysis.remedies import remedies
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import variable_units
@@ -73,22 +73,15 @@ def _group(
     records = [result.problem.records[k] for k in result.fitted]
     plain = HeldOutGroup(why, condition, _what(records, inside, units), result, model.fit.errors)
     if plain.as_good:
-        return _stated(plain)
+        return plain
     judged = judge(result, model.name, excluded=model.excluded, sensors=False)
     wanted = [slot for slot in judged.slots[:1] if slot.log_evidence > 0.0]
-    detailed = replace(
+    return replace(
         plain,
         course={name: error_course(result, name) for name in plain.worse},
         remedies=remedies(result, judged),
         slot=wanted[0].slot if wanted else "",
         slot_meaning=wanted[0].meaning if wanted else "",
-    )
-    return _stated(detailed)
-
-
-def _stated(evaluated: HeldOutGroup) -> HeldOutGroup:
-    return replace(
-        evaluated, sentences=tuple(one[0].upper() + one[1:] for one in held_out_sentences(evaluated))
     )
 
 

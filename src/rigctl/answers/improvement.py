@@ -22,6 +22,7 @@ from rigctl.answers.diagnosis import (
 from rigctl.answers.errors import error_text
 from rigctl.answers.everyday_units import everyday
 from rigctl.answers.evidence import points
+from rigctl.answers.held_out import sentences
 from rigctl.answers.model_errors import error_bars
 from rigctl.answers.systematic_error import falls, left_of
 from rigctl.model.fit.problem import Problem
@@ -40,7 +41,7 @@ def improvement_answer(improvement: Improvement) -> Answer:
         ),
         ("ambiguous", _not_distinguished(improvement.steps)),
         ("error", error_text(falls(fits, lefts))),
-        *(("no fit saw", one.sentences[0]) for one in improvement.unseen),
+        *(("no fit saw", sentences(one)[0]) for one in improvement.unseen),
     ]
     if improvement.ended is not ImprovementEnd.ADEQUATE:
         facts += [("now", f"{improvement.last.title}: {sentence_of(improvement.last, others_follow=False)}")]
@@ -100,7 +101,7 @@ def unseen(groups: Sequence[HeldOutGroup]) -> list[Block]:
     said = [
         Point(text, ("+" if group.as_good else "-") if number == 0 else "")
         for group in groups
-        for number, text in enumerate(group.sentences)
+        for number, text in enumerate(sentences(group))
     ]
     return [Points("records that no fit or search has seen", tuple(said))] if said else []
 

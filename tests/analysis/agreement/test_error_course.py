@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from made_fit import RECORDS, SIZE, made_fit, made_noise
-from rigctl.analysis.agreement.error_course import course_text, error_course
+from rigctl.analysis.agreement.error_course import error_course
+from rigctl.answers.held_out import course_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.units import significant
 

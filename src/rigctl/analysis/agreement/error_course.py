@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.conditions import variable_units
-from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
 
@@ -69,33 +66,6 @@ def error_course(fit: FitResult, channel: str) -> tuple[Stretch, ...]:
     return tuple(sorted((one for one in chosen if one.weight > 0.05 * largest), key=lambda one: one.start))
 
 
-def course_text(fit: FitResult, stretches: Sequence[Stretch]) -> str:
-    """One channel in words: ``in position the model is too high by up to 0.4 mm from 0.2 to 1.2 s``."""
-    if not stretches:
-        return ""
-    measurements = fit.problem.measurements
-    channel = stretches[0].channel
-    unit = parse_unit(measurements.units[measurements.outputs.index(channel)])
-    shown = "K" if unit.offset else unit.text
-    end = max(float(fit.problem.records[k].times[-1]) for k in fit.fitted)
-    largest = max(stretches, key=lambda one: one.weight)
-    parts: list[str] = []
-    previous_peak = 0.0
-    for one in stretches:
-        side = "high" if one.peak > 0.0 else "low"
-        throughout = one.start <= 0.0 and one.end >= 0.999 * end
-        when = "all the time" if throughout else f"from {_seconds(one.start)} to {_seconds(one.end)} s"
-        same_side = parts and one.peak * previous_peak > 0.0
-        deviation = f"by up to {significant(abs(one.peak) / unit.factor, 2)} {shown} {when}"
-        text, previous_peak = deviation if same_side else f"too {side} {deviation}", one.peak
-        parts.append(text + (_dependence(fit, one, unit.factor, shown) if one is largest else ""))
-    return f"in {channel} the model is {', then '.join(parts)}"
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
-
-
 def _timed(fit: FitResult) -> bool:
     """Whether the data are samples over time, not the rows of a table."""
     return not fit.problem.measurements.table
@@ -147,11 +117,23 @@ def _piece(
     return fit.outputs[k][rows, column] - record.values[rows, column], start, end
 
 
-def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> str:
-    """The variable that the records' errors follow, with the error at its ends; empty if there is none."""
+@dataclass(frozen=True)
+class Dependence:
+    """The variable that the records' errors follow, and the ends of its range; SI.
+
+    Attributes
+    ----------
+    ends: (value of the variable, error) at its lowest and its highest value.
+    """
+
+    variable: str
+    ends: tuple[tuple[float, float], tuple[float, float]]
+
+
+def dependence(fit: FitResult, stretch: Stretch) -> Dependence | None:
+    """The variable that the records' errors follow most closely; None if there is none."""
     measurements = fit.problem.measurements
-    units = variable_units(measurements)
-    best, text = _FOLLOWS, ""
+    best, found = _FOLLOWS, None
     variables = sorted(measurements.variables, key=lambda name: stretch.channel not in name)
     for name in variables:
         values = np.array([fit.problem.records[k].condition.get(name, math.nan) for k in fit.fitted])
@@ -159,16 +141,12 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
         if good.sum() < 3 or np.ptp(values[good]) == 0.0 or np.ptp(stretch.by_record[good]) == 0.0:
             continue
         follows = abs(float(np.corrcoef(values[good], stretch.by_record[good])[0, 1]))
-        if follows > best + _BETTER * bool(text):
+        if follows > best + _BETTER * (found is not None):
             best = follows
             indices = np.flatnonzero(good)
             low, high = (indices[int(pick(values[good]))] for pick in (np.argmin, np.argmax))
             if abs(stretch.by_record[high] - stretch.by_record[low]) < _CHANGES * abs(stretch.peak):
                 continue
-            ends = (
-                f"{significant(stretch.by_record[at] / factor, 2, sign=True)} {shown} at {name} "
-                f"{show(float(values[at]), units[name], digits=3)}"
-                for at in (low, high)
-            )
-            text = f" ({', '.join(ends)})"
-    return text
+            first, last = ((float(values[at]), float(stretch.by_record[at])) for at in (low, high))
+            found = Dependence(name, (first, last))
+    return found

@@ -8,6 +8,7 @@ import numpy as np
 
 from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.answers.blocks import Bar, Bars, Block, Figure, Sentence
+from rigctl.answers.held_out import sentences
 from rigctl.answers.numbers import symbol
 from rigctl.report.analysis.overlay import overlay_plot
 from rigctl.report.blocks import page_blocks
@@ -23,7 +24,7 @@ def unseen_sections(groups: Sequence[HeldOutGroup]) -> list[Section]:
         return []
     drawn, blocks = list[Plot](), list[Block]()
     for number, one in enumerate(groups):
-        first, *rest = one.sentences
+        first, *rest = sentences(one)
         blocks += [Sentence(first, "good" if one.as_good else "warn"), *map(Sentence, rest)]
         if not one.as_good:
             drawn.append(_worst(one, number))
