@@ -7,10 +7,12 @@ from typing import Any
 from rigctl.analysis.agreement.sensors import documents
 from rigctl.analysis.agreement.uncertainty_budget import uncertainty_budgets
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import Improvement
 from rigctl.answers import agreement, table_findings
 from rigctl.answers import improvement as improved
+from rigctl.answers import survey as survey_words
 from rigctl.answers.decided_by import decisions
 from rigctl.answers.discovery import gate_statement, notes
 from rigctl.answers.evidence import sentence
@@ -18,6 +20,9 @@ from rigctl.answers.verdict import doubt_text, statement
 from rigctl.discovery.result import Discovery
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.assumptions import conditional_document, conditional_numbers
+from rigctl.monitoring.entries import DATE
+from rigctl.monitoring.multiplicity import Change, Tested
+from rigctl.monitoring.result import Line, Survey
 
 
 def comparison_document(model: ModelComparison) -> dict[str, Any]:
@@ -163,4 +168,74 @@ def discovery_document(discovery: Discovery) -> dict[str, Any]:
         "formulas": [one.document() for one in discovery.formulas],
         "notes": [note.text for note in notes(discovery)],
         "statement": discovery.statement,
+    }
+
+
+def survey_document(survey: Survey) -> dict[str, Any]:
+    """The machine-readable answer."""
+    return {
+        "model": survey.model,
+        "verdict": survey.verdict,
+        "statement": survey_words.statement(survey),
+        "level": SURVEY_ALPHA,
+        "over": survey.axis.name,
+        "over_unit": "s since 1970" if survey.axis.name == DATE else survey.axis.unit,
+        "free": list(survey.freed),
+        "shared": list(survey.held),
+        "changes": [_change_document(survey, one) for one in survey.changes],
+        "diagnosis": survey.named.verdict or None,
+        "remarks": survey_words.remarks(survey),
+        "quantities": [_tested_document(survey, one) for one in survey.judged.tested],
+        "runs": [_line_document(line) for line in survey.lines],
+        "notes": list(survey.notes),
+    }
+
+
+def _change_document(survey: Survey, change: Change) -> dict[str, Any]:
+    quantity, shape, lines = change.quantity, change.shape, survey.read
+    early, late = survey_words.between(survey, change)
+    return {
+        "quantity": quantity.name,
+        "indistinguishable": list(change.alike),
+        "kind": "steps" if len(change.steps) > 1 else shape.kind,
+        "before": survey.in_unit(quantity, shape.before),
+        "before_std": survey.in_unit(quantity, shape.before_std, difference=True),
+        "after": survey.in_unit(quantity, shape.after),
+        "after_std": survey.in_unit(quantity, shape.after_std, difference=True),
+        "unit": quantity.unit,
+        "levels": [survey.in_unit(quantity, level) for level in change.levels],
+        "since": lines[min(shape.begins, len(lines) - 1)].entry.label,
+        "between": [early, late],
+        "first_sure": lines[min(change.first_sure, len(lines)) - 1].entry.label,
+        "p_value": change.p_value,
+        "statement": survey_words.sentence(survey, change),
+    }
+
+
+def _tested_document(survey: Survey, one: Tested) -> dict[str, Any]:
+    quantity = one.course.quantity
+    read = survey.read
+    return {
+        "name": quantity.name,
+        "kind": quantity.kind,
+        "unit": quantity.unit,
+        "p_value": one.p_value,
+        "between_runs": survey.in_unit(quantity, one.between, difference=True),
+        "neighbour_correlation": None if one.found is None else one.found.correlation,
+        "apart": [read[k].entry.label for k in one.apart],
+        "values": [survey.in_unit(quantity, float(value)) for value in one.course.values],
+        "std": [survey.in_unit(quantity, float(std), difference=True) for std in one.course.std],
+    }
+
+
+def _line_document(line: Line) -> dict[str, Any]:
+    fields = {"run": line.entry.label, "started": line.entry.started, "over": line.entry.place}
+    if line.reading is None:
+        return fields | {"failed": line.failed}
+    return fields | {
+        "adequate": line.reading.adequate,
+        "p_value": line.reading.p_value,
+        "chi2_reduced": line.reading.chi2_reduced,
+        "records": line.reading.records,
+        "notes": list(map(str, line.reading.notes)),
     }

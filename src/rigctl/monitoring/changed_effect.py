@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -35,6 +35,30 @@ _MOVED: Final = 0.25
 
 
 @dataclass(frozen=True)
+class Naming:
+    """How the cause of a change was determined, or why it was not.
+
+    Attributes
+    ----------
+    kind: ``by_diagnosis`` if a diagnosis of one run named it; else what prevented that.
+    names: the effects or parameters concerned, or the run.
+    problem: why the run could not be diagnosed.
+    """
+
+    kind: Literal[
+        "by_diagnosis",
+        "not_diagnosed",
+        "run_failed",
+        "outside_library",
+        "too_little",
+        "parameters_free",
+        "no_single_change",
+    ]
+    names: tuple[str, ...] = ()
+    problem: str = ""
+
+
+@dataclass(frozen=True)
 class Named:
     """What has changed, and how that was determined.
 
@@ -42,13 +66,13 @@ class Named:
     ----------
     changes: the most significant first.
     verdict: of the diagnosis; empty if none could be made.
-    remarks: on the diagnosis.
+    naming: how the changes were named; None where no question was left.
     courses: the series with the named effects in the model; none if nothing was named.
     """
 
     changes: tuple[Change, ...]
     verdict: str = ""
-    remarks: tuple[str, ...] = ()
+    naming: Naming | None = None
     courses: tuple[QuantitySeries, ...] = ()
 
 
@@ -75,15 +99,11 @@ def name_changes(
     try:
         diagnosis = _diagnosed(plan, chosen)
     except RigctlError as problem:
-        return _unnamed(judged, "", f"{chosen.label} could not be diagnosed: {str(problem).splitlines()[0]}")
+        return _unnamed(judged, "", Naming("run_failed", (chosen.label,), str(problem).splitlines()[0]))
     if diagnosis.verdict is Verdict.ADEQUATE:
         return _of_parameters(plan, judged, diagnosis)
     if not diagnosis.effects or diagnosis.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.UNDECIDED):
-        text = (
-            "no effect of the library explains what the model lacks there; 'rigctl discover' looks for a "
-            "formula"
-        )
-        return _unnamed(judged, diagnosis.verdict.value, text)
+        return _unnamed(judged, diagnosis.verdict.value, Naming("outside_library"))
     return _of_effects(plan, entries, judged, diagnosis, read)
 
 
@@ -136,15 +156,15 @@ def not_diagnosed(judged: Judged) -> Named:
     """What changes, without a diagnosis: parameters fitted together are reported separately."""
     changed = judged.changed
     if any(one.course.quantity.kind != "parameter" for one in changed):
-        return _unnamed(judged, "", "not diagnosed: this is what changes, which need not be the cause")
+        return _unnamed(judged, "", Naming("not_diagnosed"))
     return Named(tuple(change_of(one, judged) for one in changed))
 
 
-def _unnamed(judged: Judged, verdict: str, why: str) -> Named:
+def _unnamed(judged: Judged, verdict: str, why: Naming) -> Named:
     """The quantity with the largest gain, with every other that changed, as the cause is unknown."""
     first, *others = judged.changed
     alike = tuple(one.course.quantity.name for one in others)
-    return Named((change_of(first, judged, alike),), verdict, (why,))
+    return Named((change_of(first, judged, alike),), verdict, why)
 
 
 def _of_parameters(plan: Plan, judged: Judged, diagnosis: Diagnosis) -> Named:
@@ -153,9 +173,7 @@ def _of_parameters(plan: Plan, judged: Judged, diagnosis: Diagnosis) -> Named:
     freed = [one for one in parameters if one.course.quantity.kind == "parameter"]
     if freed:
         return Named(tuple(change_of(one, judged) for one in freed), diagnosis.verdict.value)
-    why = "a single run shows too little of it to identify it"
-    if parameters:
-        why = f"the model agrees after the change with {' and '.join(plan.held)} free in that run"
+    why = Naming("parameters_free", plan.held) if parameters else Naming("too_little")
     return _unnamed(judged, diagnosis.verdict.value, why)
 
 
@@ -184,11 +202,10 @@ def _of_effects(
         for one in _not_slight(second.changed)
     ]
     if not changes:
-        text = f"with {' and '.join(diagnosis.effects)} in the model no single quantity changes significantly"
-        return _unnamed(judged, diagnosis.verdict.value, text)
-    remark = f"named by a diagnosis of one run: {diagnosis.verdict.value.replace('_', ' ')}"
+        why = Naming("no_single_change", tuple(diagnosis.effects))
+        return _unnamed(judged, diagnosis.verdict.value, why)
     courses = tuple(one.course for one in second.tested)
-    return Named(tuple(changes), diagnosis.verdict.value, (remark,), courses)
+    return Named(tuple(changes), diagnosis.verdict.value, Naming("by_diagnosis"), courses)
 
 
 def _not_slight(changed: Sequence[Tested]) -> list[Tested]:

@@ -157,7 +157,7 @@ def survey(
 
             write_survey_page(result, opened.rig.name if opened.rig else "", output, force=force)
         if junit is not None:
-            from rigctl.monitoring.junit import write_junit
+            from rigctl.report.survey_junit import write_junit
 
             write_junit(result, junit)
     if as_json:

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from rigctl.analysis.decision_levels import INTERVAL, SURVEY_ALPHA
 from rigctl.answers.blocks import Block, Details, Figure, Note, Sentence
 from rigctl.answers.numbers import plural, symbol
-from rigctl.answers.survey import changes_table, failures, runs_table, survey_answer, tests_table
+from rigctl.answers.survey import (
+    changes_table,
+    failures,
+    note_text,
+    remarks,
+    runs_table,
+    statement,
+    survey_answer,
+    tests_table,
+)
 from rigctl.dataset.outputs import is_page, require_output
 from rigctl.files.write import write_text
 from rigctl.monitoring.entries import DATE, ORDER
@@ -46,13 +55,13 @@ def survey_sections(survey: Survey) -> list[Section]:
     first = tuple(plots[: max(1, len(survey.changes))])
     others = tuple(plots[len(first) :])
     answer = survey_answer(survey)
-    notes = [survey.note_text(note) for note in survey.data_notes]
+    notes = [note_text(survey, note) for note in survey.data_notes]
     blocks: list[Block] = [
-        Sentence(survey.statement, answer.tone, answer.title),
+        Sentence(statement(survey), answer.tone, answer.title),
         *(Figure(plot.id, plot.caption) for plot in first),
         *changes_table(survey),
         Note(_LEVEL),
-        *map(Note, (*survey.named.remarks, *survey.notes, *notes)),
+        *map(Note, (*remarks(survey), *survey.notes, *notes)),
         Details("all quantities that were tested", (tests_table(survey),)),
     ]
     rest: list[Block] = [Figure(plot.id, plot.caption) for plot in others]

@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
+from rigctl.answers.survey import sentence, statement
 from rigctl.dataset.exporting.junit import element, plain
 from rigctl.files.write import write_error
 from rigctl.monitoring.result import Survey
@@ -23,7 +24,7 @@ def write_junit(survey: Survey, path: Path) -> int:
         the file cannot be written.
     """
     suites = ET.Element("testsuites")
-    changed = {change.quantity.name: survey.sentence(change) for change in survey.changes}
+    changed = {change.quantity.name: sentence(survey, change) for change in survey.changes}
     tested = survey.judged.tested
     names = list(dict.fromkeys([*changed, *(one.course.quantity.name for one in tested)]))
     able = {one.course.quantity.name for one in tested if one.found is not None}
@@ -55,7 +56,7 @@ def write_junit(survey: Survey, path: Path) -> int:
     for line in survey.failed:
         case = element(suite, "testcase", classname="survey.runs", name=line.entry.label, time="0.000")
         element(case, "error", type="unread", message=line.failed)
-    element(suite, "system-out").text = plain(survey.statement)
+    element(suite, "system-out").text = plain(statement(survey))
     element(suite, "system-err").text = ""
     ET.indent(suites)
     with write_error(path):
