@@ -91,15 +91,6 @@ class Bootstrap:
     clusters: int
     parameters: tuple[Interval, ...]
 
-    @property
-    def statement(self) -> str:
-        """One sentence on how the intervals were computed."""
-        failed = f"; {self.failed} could not be fitted" if self.failed else ""
-        return (
-            f"{100 * LEVEL:.0f} % of {self.repetitions} repetitions, each with random signs for the "
-            f"residuals of {self.clusters} {self.by}s{failed}"
-        )
-
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
         return {

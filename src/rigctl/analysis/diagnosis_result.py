@@ -13,7 +13,7 @@ from rigctl.analysis.agreement.sensors import SensorBudget, sensor_budget
 from rigctl.analysis.agreement.uncertainty_budget import UncertaintyBudget, uncertainty_budgets
 from rigctl.analysis.agreement.undecided import Decision
 from rigctl.analysis.bootstrap import Bootstrap
-from rigctl.analysis.comparison_result import ModelComparison, offset_of_clock
+from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.evidence import Evidence
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.search.identity import Levels, certain_members
@@ -25,7 +25,6 @@ from rigctl.model.fit.assumptions import Conditional, conditional_document
 from rigctl.model.fit.reached_bounds import ReachedBound, reached_bounds
 from rigctl.model.fit.undetermined import first_statements
 from rigctl.model.measured.note import Note
-from rigctl.model.reading_errors import CLOCK
 from rigctl.model.validity import Departure
 from rigctl.notebook import as_html, documented, one_line, worded
 from rigctl.units import parse_unit, significant, with_uncertainty
@@ -288,22 +287,7 @@ class Diagnosis:
     @property
     def title(self) -> str:
         """The verdict as a short title."""
-        if self.verdict is Verdict.MISSING_EFFECT and len(self.effects) > 1:
-            return f"{len(self.effects)} effects are missing"
-        if self.contradicted or self.doubt or self.verdict is Verdict.UNDECIDED:
-            return "Not decided"
-        if self.before.adequacy.only_misread and not self.effects:
-            exact = self.with_exact_sensors
-            what = "A clock is off" if self.before.explained_by == CLOCK else "A sensor reads wrongly"
-            return what + (", or an effect is missing" if exact and exact.effects else "")
-        if self.before.explained_by and self.verdict is Verdict.ADEQUATE:
-            return f"Adequate within the stated {offset_of_clock(self.before.explained_by)}"
-        return {
-            Verdict.ADEQUATE: "Adequate",
-            Verdict.MISSING_EFFECT: "An effect is missing",
-            Verdict.AMBIGUOUS: "Ambiguous",
-            Verdict.OUTSIDE_LIBRARY: "Outside the library",
-        }[self.verdict]
+        return worded(self, "verdict.title")
 
     @property
     def further_evidence(self) -> tuple[Evidence, ...]:

@@ -14,6 +14,7 @@ from rigctl.analysis.agreement.undecided import from_steps
 from rigctl.analysis.comparison_result import ModelComparison, offset_of_clock
 from rigctl.answers.sensor_errors import beyond_text, exact_text, explanation
 from rigctl.answers.table_findings import table_statement
+from rigctl.answers.trends import trend_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import ChannelNoise
 from rigctl.units import show
@@ -95,7 +96,7 @@ def direction_text(candidates: Sequence[Trend]) -> str:
     worst = [trend for trend in notable if trend.wrong_sign] or notable
     if not worst:
         return ""
-    text = worst[0].text
+    text = trend_text(worst[0])
     capitalised = text[0].upper() + text[1:]
     return f"{capitalised}: the wrong direction" if worst[0].wrong_sign else capitalised
 

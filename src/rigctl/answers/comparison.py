@@ -33,6 +33,7 @@ from rigctl.answers.free_model import contradiction, free_model_bars, free_model
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.numbers import resolved
 from rigctl.answers.systematic_error import falls, left_of
+from rigctl.answers.trends import trend_text
 from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure
 from rigctl.physics.family import ModelFamily
@@ -191,7 +192,8 @@ def where(model: ModelComparison) -> list[Block]:
         return []
     places = [place for place in model.where if place.by == "condition"] if model.rows else model.where
     trends = [
-        f"{one.text} ({abs(one.z):.0f} sigma)" + ": the wrong direction" * (one.wrong_sign and one.matters)
+        f"{trend_text(one)} ({abs(one.z):.0f} sigma)"
+        + ": the wrong direction" * (one.wrong_sign and one.matters)
         for one in model.trends
         if one.significant
     ][:_MOST]

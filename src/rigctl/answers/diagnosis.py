@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.bootstrap import Bootstrap
+from rigctl.analysis.bootstrap import LEVEL, Bootstrap
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.laws.answer import LawAnswer
@@ -304,7 +304,16 @@ def _intervals(bootstrap: Bootstrap | None) -> list[Block]:
         cells = (one.name, one.unit, value, f"{low} … {high}", spread, fit)
         rows.append(dict(zip(heads, cells, strict=True)))
     columns = tuple(Column(head, head, words=True, unit=head == "unit") for head in heads)
-    return [Table(columns, tuple(rows)), Points.of("", [bootstrap.statement])]
+    return [Table(columns, tuple(rows)), Points.of("", [_resampled(bootstrap)])]
+
+
+def _resampled(intervals: Bootstrap) -> str:
+    """One sentence on how the intervals were computed."""
+    failed = f"; {intervals.failed} could not be fitted" if intervals.failed else ""
+    return (
+        f"{100 * LEVEL:.0f} % of {intervals.repetitions} repetitions, each with random signs for the "
+        f"residuals of {intervals.clusters} {intervals.by}s{failed}"
+    )
 
 
 def _untestable(effects: Sequence[tuple[str, str]]) -> list[Block]:

@@ -30,6 +30,7 @@ from rigctl.analysis.single_values.next_values import (
     SecondMeasurement,
 )
 from rigctl.analysis.single_values.rows import TableRow
+from rigctl.answers.trends import ends_text
 from rigctl.units import show
 from rigctl.wording import chance_text, listed, number_of, strength
 
@@ -148,7 +149,7 @@ def exclusion_text(excluded: Sequence[Exclusion], trend: Trend) -> list[str]:
     never = [one.effect for one in excluded if not one.only and one.at_most < TURNS]
     unfit = [one.effect for one in excluded if not one.only and one.reached < TURNS <= one.at_most]
     want = "rise" if trend.measured > 0.0 else "fall"
-    change = f"make the {trend.quantity} {want} {trend.ends} as it does"
+    change = f"make the {trend.quantity} {want} {ends_text(trend)} as it does"
     sentences = []
     if never:
         sentences.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rigctl.analysis.comparison_result import offset_of_clock
 from rigctl.analysis.conclusion import (
     AsCompared,
     Conclusion,
@@ -28,6 +29,7 @@ from rigctl.answers import agreement
 from rigctl.answers.reasons import not_predicted_text, reason_text, reasons_text, remainder_text
 from rigctl.effects.declaration import Effect
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.reading_errors import CLOCK
 from rigctl.noise import ChannelNoise
 from rigctl.units import show
 from rigctl.wording import chance_text, share_text, strength
@@ -286,3 +288,23 @@ def _lower_case_start(text: str) -> str:
 def _capitalised(text: str) -> str:
     """With an upper-case first letter, unless the text begins with a name."""
     return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]
+
+
+def title(diagnosis: Diagnosis) -> str:
+    """The verdict as a short title."""
+    if diagnosis.verdict is Verdict.MISSING_EFFECT and len(diagnosis.effects) > 1:
+        return f"{len(diagnosis.effects)} effects are missing"
+    if diagnosis.contradicted or diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:
+        return "Not decided"
+    if diagnosis.before.adequacy.only_misread and not diagnosis.effects:
+        exact = diagnosis.with_exact_sensors
+        what = "A clock is off" if diagnosis.before.explained_by == CLOCK else "A sensor reads wrongly"
+        return what + (", or an effect is missing" if exact and exact.effects else "")
+    if diagnosis.before.explained_by and diagnosis.verdict is Verdict.ADEQUATE:
+        return f"Adequate within the stated {offset_of_clock(diagnosis.before.explained_by)}"
+    return {
+        Verdict.ADEQUATE: "Adequate",
+        Verdict.MISSING_EFFECT: "An effect is missing",
+        Verdict.AMBIGUOUS: "Ambiguous",
+        Verdict.OUTSIDE_LIBRARY: "Outside the library",
+    }[diagnosis.verdict]

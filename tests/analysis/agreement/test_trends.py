@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rigctl.analysis.agreement.trends import trends
+from rigctl.answers.trends import trend_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 
@@ -58,8 +59,8 @@ def fitted(
 def test_the_trend_of_a_temperature_is_in_kelvin_not_in_percent() -> None:
     (trend,) = trends(fitted("temperature", "degC", (300.0, 310.0, 320.0), (300.0, 305.0, 310.0)))
     assert (trend.unit, trend.measured, trend.predicted) == ("K", pytest.approx(20.0), pytest.approx(10.0))
-    assert trend.text.startswith("measured temperature rises 20 K from ")
-    assert trend.text.endswith("the model says it rises 10 K")
+    assert trend_text(trend).startswith("measured temperature rises 20 K from ")
+    assert trend_text(trend).endswith("the model says it rises 10 K")
     assert trend.matters
     assert trend.document()["unit"] == "K"
 
@@ -67,17 +68,17 @@ def test_the_trend_of_a_temperature_is_in_kelvin_not_in_percent() -> None:
 def test_the_trend_of_a_quantity_with_a_true_zero_is_in_percent() -> None:
     (trend,) = trends(fitted("flow", "m^3/s", (1.0, 1.1, 1.2), (1.0, 1.0, 1.0)))
     assert (trend.unit, trend.measured) == ("1", pytest.approx(0.2))
-    assert "measured flow rises 20 % from " in trend.text
-    assert trend.text.endswith("the model says it stays the same")
+    assert "measured flow rises 20 % from " in trend_text(trend)
+    assert trend_text(trend).endswith("the model says it stays the same")
 
 
 def test_changes_that_differ_are_shown_with_the_digits_in_which_they_do() -> None:
     """ "rises 50 %, the model says it rises 50 %" stood beside 4 sigma."""
     (trend,) = trends(fitted("flow", "m^3/s", (1.0, 1.1, 1.2), (1.0, 1.1005, 1.201)))
-    assert "measured flow rises 20 % from " in trend.text
-    assert trend.text.endswith("the model says it rises 20.1 %")
+    assert "measured flow rises 20 % from " in trend_text(trend)
+    assert trend_text(trend).endswith("the model says it rises 20.1 %")
     (trend,) = trends(fitted("flow", "m^3/s", (1.0, 1.1111, 1.2222), (1.0, 1.1111, 1.2222)))
-    assert trend.text.endswith("the model says it rises 22 %")
+    assert trend_text(trend).endswith("the model says it rises 22 %")
 
 
 def test_the_sign_of_a_change_that_the_model_does_not_make_is_not_wrong() -> None:
@@ -85,7 +86,7 @@ def test_the_sign_of_a_change_that_the_model_does_not_make_is_not_wrong() -> Non
     measured, predicted = (1.0, 1.024, 1.048), (1.0, 1.0 - 5e-6, 1.0 - 1e-5)
     (trend,) = trends(fitted("flow", "m^3/s", measured, predicted))
     assert trend.significant
-    assert trend.text.endswith("the model says it stays the same")
+    assert trend_text(trend).endswith("the model says it stays the same")
     assert not trend.wrong_sign
     (trend,) = trends(fitted("flow", "m^3/s", measured, (1.0, 0.999, 0.998)))
     assert not trend.wrong_sign  # hardly any change is none, not one in the wrong direction

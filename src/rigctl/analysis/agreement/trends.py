@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from rigctl.analysis.decision_levels import TOLERANCE, TREND
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import commanded_levels, variable_units
-from rigctl.units import parse_unit, show, significant
+from rigctl.notebook import worded
+from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
 #: least change that is displayed as one: a share, or kelvin
-_LEAST = {"1": 5e-4, "K": 5e-3}
+LEAST_SHOWN = {"1": 5e-4, "K": 5e-3}
 #: least share of a command's variation, and of each variable's, that is not determined by the others
 _OWN = 0.3
 #: largest z that is stated: beyond it the tail of a distribution is zero in floating point
@@ -37,9 +38,8 @@ class Trend:
         temperature in kelvin, because its zero is arbitrary.
     z: the difference of the two in standard errors, as a quantile of the normal distribution; 0 for two
         records, which do not show by how much others would differ.
-    moves, predicted_moves: both changes, in words.
-    ends: of the variable, in words.
-    unit: of the two, "1" or "K".
+    shown: the unit in which the variable is shown.
+    unit: of the two changes, "1" or "K".
     """
 
     quantity: str
@@ -49,15 +49,8 @@ class Trend:
     measured: float
     predicted: float
     z: float
-    moves: str
-    predicted_moves: str
-    ends: str
+    shown: str
     unit: str = "1"
-
-    @property
-    def text(self) -> str:
-        """Both changes in one clause."""
-        return f"measured {self.quantity} {self.moves} {self.ends}, the model says it {self.predicted_moves}"
 
     @property
     def matters(self) -> bool:
@@ -71,7 +64,7 @@ class Trend:
         """True if the measured change is significant, and the model's is opposite and not negligible: large
         enough to be displayed, and a tenth of the measured one."""
         measured = abs(self.z * self.measured) > TREND * abs(self.measured - self.predicted)
-        least = max(_LEAST[self.unit], TOLERANCE * abs(self.measured))
+        least = max(LEAST_SHOWN[self.unit], TOLERANCE * abs(self.measured))
         return self.measured * self.predicted < 0.0 and measured and abs(self.predicted) >= least
 
     @property
@@ -90,7 +83,7 @@ class Trend:
             "unit": self.unit,
             "z": self.z,
             "wrong_sign": self.wrong_sign,
-            "text": self.text,
+            "text": worded(self, "trends.trend_text"),
         }
 
 
@@ -267,16 +260,8 @@ def _trend(
     if base == 0.0 or noise == 0.0:
         return None
     share, predicted_share = (float(plane.slope @ one) / base for one in (measured, predicted))
-    ends = f"from {show(low, unit, digits=3)} to {show(high, unit, digits=3)}"
-    for digits in (2, 3, 4, 2):  # as many as show the difference, unless none do
-        moves, predicted_moves = (_moves(one, digits, kelvin=kelvin) for one in (share, predicted_share))
-        if moves != predicted_moves:
-            break
     z = _standardised(plane, predicted - measured, noise)
-    of_change = "K" if kelvin else "1"
-    return Trend(
-        quantity, variable, low, high, share, predicted_share, z, moves, predicted_moves, ends, of_change
-    )
+    return Trend(quantity, variable, low, high, share, predicted_share, z, unit, "K" if kelvin else "1")
 
 
 def _standardised(plane: _Plane, difference: Floats, noise: float) -> float:
@@ -302,14 +287,3 @@ def _standardised(plane: _Plane, difference: Floats, noise: float) -> float:
     within_noise = min(abs(change) / (noise * norm), _LARGEST)
     t = abs(change) / (scatter * norm) if scatter > 0.0 else math.inf
     return math.copysign(min(within_noise, -float(ndtri(stdtr(plane.degrees, -t)))), change)
-
-
-def _moves(change: float, digits: int, *, kelvin: bool = False) -> str:
-    """``rises 4.8 %``, or ``rises 3.2 K``: percentages of an absolute temperature have no meaning."""
-    size, unit = (abs(change), "K") if kelvin else (abs(change) * 100, "%")
-    moves = "rises" if change > 0.0 else "falls"
-    return (
-        "stays the same"
-        if abs(change) < _LEAST["K" if kelvin else "1"]
-        else f"{moves} {significant(size, digits)} {unit}"
-    )

@@ -32,7 +32,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.clocks import clocks_of
 from rigctl.model.measured.standing import with_what_is_left
-from rigctl.wording import chance_text
+from rigctl.notebook import worded
 
 Floats = NDArray[np.float64]
 
@@ -75,17 +75,7 @@ class FmuRival:
     @property
     def statement(self) -> str:
         """One plain sentence."""
-        exposure = "no fit saw them" if self.held_out else "the model was fitted to them, the FMU was not"
-        sure = f"sign test, {chance_text(self.p_value)}"
-        if not self.decided:
-            return (
-                f"these {self.records} records do not show which of the two is better ({exposure}): "
-                f"{self.name} is nearer in {self.nearer} and {self.model} in {self.further} ({sure})"
-            )
-        one, other, count = self.name, self.model, self.nearer
-        if self.further > self.nearer:
-            one, other, count = self.model, self.name, self.further
-        return f"{one} is nearer than {other} in {count} of {self.records} records ({exposure}; {sure})"
+        return worded(self, "fmu_rival.statement")
 
     def document(self) -> dict[str, Any]:
         """Its part of the machine-readable answer."""

@@ -162,10 +162,11 @@ def _compare(run: Run, model: Path, console: Console, hold_out: str | None = Non
 
     with progress_display("Reading the records") as on_progress:
         from rigctl.analysis.comparison import compare
+        from rigctl.answers.trends import trend_text
         from rigctl.model import load_model
 
         compared = compare([run], [load_model(model)], hold_out=hold_out, on_progress=on_progress)
-    wrong = [one.text for one in compared.models[0].trends if one.wrong_sign and one.matters]
+    wrong = [trend_text(one) for one in compared.models[0].trends if one.wrong_sign and one.matters]
     statement = f"wrong direction: {wrong[0]}" if wrong else compared.models[0].statement
     console.print(f"  {statement}", markup=False, soft_wrap=True)
     return compared

@@ -14,6 +14,7 @@ from rigctl.answers.blocks import Details, Figure, Sentence
 from rigctl.answers.diagnosis import whole_diagnosis
 from rigctl.answers.improvement import improvement_answer
 from rigctl.answers.systematic_error import left_of
+from rigctl.answers.trends import trend_text
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.held_out import unseen_sections
@@ -99,7 +100,7 @@ def _wrong_direction(first: ModelComparison, last: ModelComparison) -> tuple[Mar
     caption = f"Stroke against temperature: measured (markers), {first.name} (dotted), {last.name} (lines)"
     body = page_blocks(
         [
-            Sentence(f"wrong direction: {wrong[0].text}", "bad"),
+            Sentence(f"wrong direction: {trend_text(wrong[0])}", "bad"),
             *([Sentence(unseen)] if unseen else []),
             Figure(plot.id, caption),
         ],

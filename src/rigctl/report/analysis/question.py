@@ -8,6 +8,7 @@ from typing import Any
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.answers.blocks import Block, Figure, Points, Sentence
 from rigctl.answers.numbers import plural
+from rigctl.answers.trends import trend_text
 from rigctl.report.analysis.table_section import table_plot
 from rigctl.report.blocks import page_blocks
 from rigctl.report.section import Section, plot_slot
@@ -21,7 +22,7 @@ def question_section(before: ModelComparison, diagnosis: Mapping[str, Any]) -> S
     before: the model compared with the table.
     diagnosis: of the table: the document of an ambiguous `rigctl.analysis.diagnosis_result.Diagnosis`.
     """
-    wrong = [one.text for one in before.trends if one.wrong_sign and one.matters]
+    wrong = [trend_text(one) for one in before.trends if one.wrong_sign and one.matters]
     plot = table_plot([before], before.rows[0].quantity, "question-table")
     direction = wrong[0] if wrong else before.statement
     rivals = diagnosis["classes"][0] if diagnosis["classes"] else []
