@@ -7,8 +7,11 @@ from functools import partial
 from rigctl.analysis.decision_levels import ODDS
 from rigctl.answers.blocks import (
     Answer,
+    Bar,
+    Bars,
     Block,
     Column,
+    Figure,
     Note,
     Points,
     Sentence,
@@ -17,13 +20,25 @@ from rigctl.answers.blocks import (
     counted,
     nonempty,
 )
-from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
-from rigctl.design.text import explanations_in_words, share, title
+from rigctl.answers.design_statement import (
+    added,
+    explanations_in_words,
+    notes,
+    settings,
+    statement,
+    title,
+)
+from rigctl.answers.numbers import probability
+from rigctl.design.result import HALF, DesignResult, LargestDifference, ProposedRecord, SensorSet
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
 
-#: a probability from which two count as distinguished
-_LIKELY = 0.5
+#: how to read the tables
+_READING = (
+    "the weight of a rival is its probability among these, each fitted to all data so far; D: the expected "
+    "log-likelihood ratio 2·ln L from the records, with the rival refitted, ± its standard deviation over "
+    "the present uncertainty; P: the probability that a diagnosis distinguishes the two"
+)
 _two, _three = partial(significant, digits=2), partial(significant, digits=3)
 
 
@@ -42,7 +57,7 @@ def design_answer(result: DesignResult) -> Answer:
     alike = {
         frozenset((one.truth, one.rival)): f"{one.truth} and {one.rival}"
         for one in result.outlooks
-        if one.after < _LIKELY and one.truth in probable
+        if one.after < HALF and one.truth in probable
     }
     if result.separable and alike:
         facts.append(("hardly", f"distinguished if one of them is right: {', '.join(alike.values())}"))
@@ -55,16 +70,20 @@ def design_answer(result: DesignResult) -> Answer:
         ),
         *counted(len(result.sensors), "set of sensors", "sets of sensors"),
     )
-    return Answer(tone_of(result), title(result), result.statement, nonempty(facts), more=more)
+    return Answer(tone_of(result), title(result), statement(result), nonempty(facts), more=more)
 
 
 def in_words(one: ProposedRecord) -> str:
     """The settings, the steps, the duration, and where the rivals differ most."""
-    settings = ", ".join(f"{name} {value}" for name, value in one.settings.items())
-    text = f"{settings}: {'; '.join(one.steps)}" if settings else "; ".join(one.steps)
+    text = f"{settings(one)}: {'; '.join(one.steps)}" if one.settings else "; ".join(one.steps)
     if one.duration:
         text += f"; {clock_time(one.duration)} of bench time"
-    return text if one.widest is None else f"{text}. {one.widest.statement}"
+    return text if one.widest is None else f"{text}. {_widest_text(one.widest)}"
+
+
+def _widest_text(one: LargestDifference) -> str:
+    differ = f"{one.first} and {one.second} differ most in {one.channel}"
+    return f"{differ}, by up to {one.sigmas:.1f} times its noise"
 
 
 def whole_design(result: DesignResult) -> list[Block]:
@@ -72,16 +91,53 @@ def whole_design(result: DesignResult) -> list[Block]:
     steps = [
         f"{number}: {text}"
         for number, one in enumerate(result.records, start=1)
-        for text in ("; ".join(one.steps), *([] if one.widest is None else [one.widest.statement]))
+        for text in ("; ".join(one.steps), *([] if one.widest is None else [_widest_text(one.widest)]))
     ]
     return [
-        Sentence(result.statement, tone_of(result), title(result), main=True),
+        Sentence(statement(result), tone_of(result), title(result), main=True),
         *rival_tables(result),
         *([_records(result)] if result.records else []),
         *([Points.of("", steps)] if steps else []),
         *sensor_tables(result),
-        *map(Note, result.notes),
+        *map(Note, notes(result)),
     ]
+
+
+def design_page(result: DesignResult) -> list[Block]:
+    """The statement, the rivals, why each record is taken, with what each rival predicts, and the sensors."""
+    whys = [f"{in_words(one)}. {added(result, one)}" for one in result.records]
+    return [
+        Sentence(statement(result), tone_of(result), title(result)),
+        *_chances(result),
+        Note(_READING),
+        *rival_tables(result),
+        *([Points.of("records", whys)] if whys else []),
+        *(
+            Figure(f"next-{number}", record_caption(one, number))
+            for number, one in enumerate(result.records, start=1)
+        ),
+        *sensor_tables(result),
+        Figure("sensors", "what the sensors distinguish, over their price"),
+        *map(Note, notes(result)),
+    ]
+
+
+def record_caption(one: ProposedRecord, number: int) -> str:
+    """What the figure of a record shows."""
+    at = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in one.settings.items())
+    return f"Record {number}{at and f', at {at}'}: what each rival predicts"
+
+
+def _chances(result: DesignResult) -> list[Block]:
+    """The probability so far, and after each record."""
+    if result.aim == "precision" or not result.records:
+        return []
+    shown = [Bar("now", result.before, probability(result.before), "", 7)]
+    shown += [
+        Bar(f"with record {number}", one.after, probability(one.after))
+        for number, one in enumerate(result.records, start=1)
+    ]
+    return [Bars("Probability that a diagnosis names the right rival alone", tuple(shown))]
 
 
 def rival_tables(result: DesignResult) -> list[Block]:
@@ -122,8 +178,8 @@ def _outlooks(result: DesignResult) -> Table:
         Column("margin", "margin so far", "{:+.1f}".format),
         Column("separation", "D", _three),
         Column("spread", "±", _two),
-        Column("before", "P now", share),
-        Column("after", "P after", share),
+        Column("before", "P now", probability),
+        Column("after", "P after", probability),
     )
     return Table(columns, tuple(map(vars, result.outlooks)))
 
@@ -145,14 +201,14 @@ def _records(result: DesignResult) -> Table:
         Column("at", "at", words=True),
         Column("separation", "ln ratio" if precise else "D", _three),
         Column("of_repeat", "of a repeat", _two),
-        Column("before", "P before", share),
-        Column("after", "P after", share),
+        Column("before", "P before", probability),
+        Column("after", "P after", probability),
         Column("duration", "bench time", clock_time),
     )
     rows = tuple(
         {
             "record": number,
-            "at": ", ".join(f"{name} {value}" for name, value in one.settings.items()),
+            "at": settings(one),
             "separation": one.separation,
             "of_repeat": one.of_repeat,
             "before": None if precise else one.before,
@@ -171,7 +227,7 @@ def sensor_tables(result: DesignResult) -> list[Block]:
         Column("price", "price"),
         Column("pairs", "pairs"),
         Column("separation", "D", _three),
-        Column("probability", "P", share),
+        Column("probability", "P", probability),
     )
     rows = tuple(
         {

@@ -10,13 +10,14 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import Improvement
-from rigctl.answers import agreement, table_findings
+from rigctl.answers import agreement, design_statement, table_findings
 from rigctl.answers import improvement as improved
 from rigctl.answers import survey as survey_words
 from rigctl.answers.decided_by import decisions
 from rigctl.answers.discovery import gate_statement, notes
 from rigctl.answers.evidence import sentence
 from rigctl.answers.verdict import doubt_text, statement
+from rigctl.design.result import DesignResult, ProposedRecord
 from rigctl.discovery.result import Discovery
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.assumptions import conditional_document, conditional_numbers
@@ -238,4 +239,51 @@ def _line_document(line: Line) -> dict[str, Any]:
         "chi2_reduced": line.reading.chi2_reduced,
         "records": line.reading.records,
         "notes": list(map(str, line.reading.notes)),
+    }
+
+
+def next_experiment(design: DesignResult) -> dict[str, Any]:
+    """The part of a design in the machine-readable answer of a diagnosis."""
+    return {
+        "procedure": design_statement.procedure(design) or None,
+        "separates": [list(pair) for pair in design.separates],
+        "expected_separation": design.separation,
+        "probability": design.after,
+        "duration": design.duration,
+        "records": [_record_document(design, one) for one in design.records],
+        "sensor": None if design.sensor is None else design.sensor.document(),
+    }
+
+
+def design_document(design: DesignResult) -> dict[str, Any]:
+    """The machine-readable answer: `next_experiment`, and more."""
+    return {
+        **next_experiment(design),
+        "probability_before": design.before,
+        "sensors": [one.document() for one in design.sensors],
+        "aim": design.aim,
+        "runs": list(design.runs),
+        "model": design.model,
+        "rivals": [one.document() for one in design.rivals],
+        "outlooks": [one.document() for one in design.outlooks],
+        "sharpened": [one.document() for one in design.sharpened],
+        "separation_of_random": design.of_random,
+        "notes": design_statement.notes(design),
+        "statement": design_statement.statement(design),
+    }
+
+
+def _record_document(design: DesignResult, one: ProposedRecord) -> dict[str, Any]:
+    """A proposed record, without the curves."""
+    return {
+        "settings": dict(one.settings),
+        "steps": list(one.steps),
+        "why": design_statement.added(design, one),
+        "expected_separation": one.separation,
+        "separation_of_repeat": one.of_repeat,
+        "probability_before": one.before,
+        "probability": one.after,
+        "duration": one.duration,
+        "recorded": one.recorded,
+        "rate": one.rate,
     }

@@ -142,6 +142,13 @@ def moment(text: str | None) -> str:
     return when.strftime("%Y-%m-%d %H:%M:%S ") + (when.tzname() or "") if when.tzinfo else when.isoformat(" ")
 
 
+def probability(value: float) -> str:
+    """A probability in per cent, rounded to whole numbers, but never to 0 or 100."""
+    if value > 0.99:
+        return "over 99 %"
+    return f"{100.0 * value:.0f} %" if value >= 0.01 else "under 1 %"
+
+
 def plural(count: int, one: str, several: str | None = None) -> str:
     """``1 record``, ``28 records``."""
     return f"{whole(count)} {noun(count, one, several)}"

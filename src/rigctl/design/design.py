@@ -26,7 +26,14 @@ from rigctl.design.procedure_text import Writer, called_so_far
 from rigctl.design.recipe import Stage, lines_of
 from rigctl.design.refitted_gain import TAKEN_UP
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
-from rigctl.design.result import DesignResult, PrecisionGain, PredictedPower, Prediction, ProposedRecord
+from rigctl.design.result import (
+    HALF,
+    DesignResult,
+    PrecisionGain,
+    PredictedPower,
+    Prediction,
+    ProposedRecord,
+)
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
 from rigctl.design.rivals import Question, nothing_left, question_of, require_names
@@ -34,10 +41,10 @@ from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.sensors import best_sensor, sensor_sets
 from rigctl.design.table_rows import design_rows
-from rigctl.design.text import HALF, added, header, reason, repeats_with, statement
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
+from rigctl.notebook import worded
 from rigctl.rig.rig import Rig
 from rigctl.tasks import Workers
 from rigctl.units import parse_unit, significant
@@ -296,7 +303,7 @@ class _Design:
         records = tuple(
             self._record(chosen, k, steps[k], steps[k + 1], timed.each[k]) for k in range(len(chosen))
         )
-        result = DesignResult(
+        return DesignResult(
             runs=diagnosis.runs,
             model=diagnosis.model,
             aim=self.question.aim,
@@ -307,26 +314,19 @@ class _Design:
             before=steps[0].probability,
             after=steps[-1].probability,
             duration=timed.seconds,
-            procedure="",
-            statement="",
             sharpened=self._precision_gains(chosen),
             of_random=self._of_random(),
-            notes=(self._tried(),),
+            simulated=self.workshop.tried,
+            writer=self.writer,
             diagnosis=diagnosis,
         )
-        return self.written(replace(result, statement=statement(result)), chosen)
-
-    def _tried(self) -> str:
-        rivals = len(self.question.rivals)
-        with_each = f"with each of {rivals} rivals" if rivals > 1 else "with it"
-        return f"{self.workshop.tried} records were simulated {with_each}"
 
     def sensor_instead(self, refused: NothingToSet) -> NothingToSet:
         """Say which sensor would distinguish the rivals if no condition can be set, if one would."""
         if isinstance(self.criterion, Discrimination):
             best = best_sensor(sensor_sets(self.criterion, self.equipment, self._so_far))
             if best is not None:
-                refused.hint = repeats_with(best)
+                refused.hint = worded(best, "design_statement.repeats_with")
                 refused.sensors = best.channels if best.probability >= HALF else ()
         return refused
 
@@ -338,32 +338,17 @@ class _Design:
     def with_sensors(self, result: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
         """The answer with the power of other sensors; unchanged if the rig names none that could help."""
         if not isinstance(self.criterion, Discrimination):
-            return replace(
-                result, notes=(*result.notes, "sensors are evaluated only if rivals are to be distinguished")
-            )
+            return replace(result, sensors_left_out=True)
         records = [*self._so_far, *(one.record for one in chosen)]
         sets = sensor_sets(self.criterion, self.equipment, records)
         best = None if result.separable else best_sensor(sets)
-        extended = replace(result, sensors=sets, sensor=best)
-        return self.written(replace(extended, statement=statement(extended)), chosen)
+        return replace(result, sensors=sets, sensor=best)
 
     @property
     def equipment(self) -> Rig:
         """The current rig file, which may name sensors that it did not when the data were taken."""
         now = self.question.rivals[0].fit.problem.model.rig
         return now if now is not None and now.could_have else self.stage.rig
-
-    def written(self, result: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
-        """With the procedure, commented like the answer."""
-        reasons = [reason(result, number) for number in range(len(result.records))]
-        text = self.writer.text(
-            [one.recipe for one in chosen],
-            title=f"next for {result.model}",
-            description=f"{result.statement}.",
-            why=header(result),
-            reasons=reasons,
-        )
-        return replace(result, procedure=text if result.records else "")
 
     def _after(self, chosen: Sequence[Proposal]) -> PredictedResult:
         """The predicted power of records together."""
@@ -401,19 +386,18 @@ class _Design:
         seconds: float,
     ) -> ProposedRecord:
         proposal, rig = chosen[k], self.stage.rig
-        separation, of_repeat = after.separation - before.separation, self._of_repeat(chosen[:k])
         return ProposedRecord(
             settings=proposal.recipe.settings(rig),
             steps=lines_of(proposal.recipe, rig),
-            why=added(separation, of_repeat, precision=self.question.aim == "precision"),
-            separation=separation,
-            of_repeat=of_repeat,
+            separation=after.separation - before.separation,
+            of_repeat=self._of_repeat(chosen[:k]),
             before=before.probability,
             after=after.probability,
             duration=seconds,
             recorded=proposal.recipe.length,
             rate=proposal.recipe.rate,
             predictions=self._predictions(proposal),
+            recipe=proposal.recipe,
         )
 
     def _of_repeat(self, others: Sequence[Proposal]) -> float:

@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter
 from rigctl.json_values import finite_or_none
-from rigctl.notebook import as_html, one_line
-from rigctl.units import significant
+from rigctl.notebook import as_html, documented, one_line, worded
+from rigctl.wording import number_of
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rigctl.design.procedure_text import Writer
+    from rigctl.design.recipe import Recipe
 
 Floats = NDArray[np.float64]
 
@@ -25,10 +28,8 @@ Floats = NDArray[np.float64]
 Aim = Literal["discrimination", "detection", "precision"]
 #: name of the model without any of the effects in question
 NONE = "none"
-#: the same in a sentence
-WITHOUT_EFFECT = "the model without an effect"
-#: the explanation without an effect where sensors may be wrong as stated
-_SENSORS = "an error of the sensors"
+#: a set with a lower probability than this is no answer
+HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -140,14 +141,6 @@ class LargestDifference:
     second: str
     sigmas: float
 
-    @property
-    def statement(self) -> str:
-        """In words."""
-        return (
-            f"{self.first} and {self.second} differ most in {self.channel}, by up to {self.sigmas:.1f} times "
-            "its noise"
-        )
-
 
 @dataclass(frozen=True)
 class ProposedRecord:
@@ -157,17 +150,16 @@ class ProposedRecord:
     ----------
     settings: the operating point by name, with its unit, as displayed: ``{"oil": "60 degC"}``.
     steps: the actions during the recording, a line each.
-    why: what it shows, in words.
     separation: Σ w_i·min_j D_ij that it adds to the records before it.
     of_repeat: that of the best repeat of an earlier record in its place.
     before, after: probability that the rivals are distinguished, without it and with it.
     duration: bench time including heating and settling, s.
     recorded: recorded time, s, at `rate` Hz.
+    recipe: from which its procedure is written; None for a row of a table.
     """
 
     settings: Mapping[str, str]
     steps: tuple[str, ...]
-    why: str
     separation: float
     of_repeat: float
     before: float
@@ -176,6 +168,7 @@ class ProposedRecord:
     recorded: float
     rate: float
     predictions: tuple[Prediction, ...] = field(default=(), repr=False)
+    recipe: Recipe | None = field(default=None, repr=False)
 
     @property
     def widest(self) -> LargestDifference | None:
@@ -191,21 +184,6 @@ class ProposedRecord:
             for first, second in combinations(one.by_rival, 2)
         ]
         return max(differences, key=lambda one: one.sigmas, default=None)
-
-    def document(self) -> dict[str, Any]:
-        """Its machine-readable form, without the curves."""
-        return {
-            "settings": dict(self.settings),
-            "steps": list(self.steps),
-            "why": self.why,
-            "expected_separation": self.separation,
-            "separation_of_repeat": self.of_repeat,
-            "probability_before": self.before,
-            "probability": self.after,
-            "duration": self.duration,
-            "recorded": self.recorded,
-            "rate": self.rate,
-        }
 
 
 @dataclass(frozen=True)
@@ -261,6 +239,20 @@ class PrecisionGain:
 
 
 @dataclass(frozen=True)
+class Explanation:
+    """What rivals stand for: the members of one set of effects are rivals of their own, but one explanation.
+
+    Attributes
+    ----------
+    effects: names of the rivals; ``none`` stands for the sensors where their stated errors are enough.
+    weight: of all these rivals together.
+    """
+
+    effects: tuple[str, ...]
+    weight: float
+
+
+@dataclass(frozen=True)
 class DesignResult:
     """The next experiment.
 
@@ -275,13 +267,15 @@ class DesignResult:
     before, after: probability that a verdict distinguishes the right one from all others, now and with the
         records.
     duration: bench time, s.
-    procedure: the text of a procedure for `rigctl check` and `rigctl run`; "" without records.
+    writer: of the records as a procedure; None for the rows of a table.
     sensor: the most useful one if no record reaches a probability of a half, or if requested.
     sensors: every set that was evaluated, the cheapest first.
+    sensors_left_out: they were requested, and not evaluated because no rivals are to be distinguished.
     sharpened: for aim ``precision``, the parameters.
     of_random: the median worth, as `separation`, of the records with which the search started: any that the
         bench can make, one at a time.
-    statement: in words; `notes` a sentence each.
+    simulated: number of records that were simulated with every rival; None for the rows of a table, whose
+        probability is that at the fits, without draws.
     """
 
     runs: tuple[str, ...]
@@ -294,14 +288,24 @@ class DesignResult:
     before: float
     after: float
     duration: float
-    procedure: str = field(repr=False)
-    statement: str
     sensor: SensorSet | None = None
     sensors: tuple[SensorSet, ...] = ()
+    sensors_left_out: bool = False
     sharpened: tuple[PrecisionGain, ...] = ()
     of_random: float = 0.0
-    notes: tuple[str, ...] = ()
+    simulated: int | None = None
+    writer: Writer | None = field(default=None, repr=False)
     diagnosis: Diagnosis | None = field(default=None, repr=False)
+
+    @property
+    def statement(self) -> str:
+        """The answer in words."""
+        return worded(self, "design_statement.statement")
+
+    @property
+    def procedure(self) -> str:
+        """The text of a procedure for `rigctl check` and `rigctl run`; "" without records."""
+        return worded(self, "design_statement.procedure")
 
     @property
     def separates(self) -> tuple[tuple[str, str], ...]:
@@ -312,22 +316,13 @@ class DesignResult:
         return tuple(pairs.values())
 
     @property
-    def explanations(self) -> dict[str, tuple[str, float]]:
-        """The name and the weight of the explanation that each rival stands for.
-
-        The members of one set of effects are rivals of their own, but one explanation: ``a with b``. Without
-        an effect it is the sensors, where their stated errors are enough.
-        """
-        sensors = self.diagnosis is not None and self.diagnosis.instead_of_sensors
-        without = _SENSORS if sensors else NONE
+    def explanations(self) -> dict[str, Explanation]:
+        """The explanation that each rival stands for, by the rival's name."""
         sets: dict[tuple[str, ...], list[DesignRival]] = {}
         for one in self.rivals:
             sets.setdefault(one.effects or (one.name,), []).append(one)
         return {
-            one.name: (
-                " with ".join(without if each.name == NONE else each.name for each in same),
-                math.fsum(each.weight for each in same),
-            )
+            one.name: Explanation(tuple(each.name for each in same), math.fsum(each.weight for each in same))
             for same in sets.values()
             for one in same
         }
@@ -335,46 +330,19 @@ class DesignResult:
     @property
     def separable(self) -> bool:
         """Whether the records distinguish the rivals with a probability of a half on the bench as it is."""
-        return bool(self.records) and self.after >= 0.5
+        return bool(self.records) and self.after >= HALF
 
     def next_experiment(self) -> dict[str, Any]:
         """The part of it in the machine-readable answer of a diagnosis."""
-        return {
-            "procedure": self.procedure or None,
-            "separates": [list(pair) for pair in self.separates],
-            "expected_separation": self.separation,
-            "probability": self.after,
-            "duration": self.duration,
-            "records": [one.document() for one in self.records],
-            "sensor": None if self.sensor is None else self.sensor.document(),
-        }
+        return documented(self, "next_experiment")
 
     def as_json(self) -> dict[str, Any]:
         """The machine-readable answer: `next_experiment`, and more."""
-        return {
-            **self.next_experiment(),
-            "probability_before": self.before,
-            "sensors": [one.document() for one in self.sensors],
-            "aim": self.aim,
-            "runs": list(self.runs),
-            "model": self.model,
-            "rivals": [one.document() for one in self.rivals],
-            "outlooks": [one.document() for one in self.outlooks],
-            "sharpened": [one.document() for one in self.sharpened],
-            "separation_of_random": self.of_random,
-            "notes": list(self.notes),
-            "statement": self.statement,
-        }
+        return documented(self, "design_document")
 
     def summary(self) -> str:
         """The records, and their predicted power, in a few lines."""
-        lines = [self.statement]
-        lines += [
-            f"  {', '.join(f'{name} {value}' for name, value in one.settings.items())}: "
-            f"D {significant(one.separation, 3)}, of a repeat {significant(one.of_repeat, 3)}"
-            for one in self.records
-        ]
-        return "\n".join(lines)
+        return worded(self, "design_statement.summary")
 
     def frame(self) -> pd.DataFrame:
         """The proposed records, one row for each."""
@@ -384,8 +352,7 @@ class DesignResult:
 
     def __repr__(self) -> str:
         """The proposal, on one line."""
-        count = len(self.records)
-        return one_line(self, f"{count} record{'' if count == 1 else 's'}, P {self.after:.2g}")
+        return one_line(self, f"{number_of(len(self.records), 'record')}, P {self.after:.2g}")
 
     def _repr_html_(self) -> str:
         """The summary and the records, as a notebook shows them."""

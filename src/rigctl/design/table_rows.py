@@ -21,7 +21,6 @@ from rigctl.design.power import Gain
 from rigctl.design.result import DesignResult, PredictedPower, ProposedRecord
 from rigctl.design.rivals import Question
 from rigctl.design.scheme import Free, allowed, tenth
-from rigctl.design.text import added, statement
 from rigctl.design.virtual_records import predict
 from rigctl.model.inputs import input_sources
 from rigctl.model.measured.conditions import variable_units
@@ -62,9 +61,6 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
         ProposedRecord(
             settings={name: show(value, units[name], digits=4) for name, value in row.point.items()},
             steps=(f"read {title}",),
-            why=added(
-                separations[k + 1] - separations[k], _of_repeat(criterion, steps[k], repeats), precision=False
-            ),
             separation=separations[k + 1] - separations[k],
             of_repeat=_of_repeat(criterion, steps[k], repeats),
             before=chances[k],
@@ -75,7 +71,7 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
         )
         for k, row in enumerate(chosen)
     )
-    result = DesignResult(
+    return DesignResult(
         runs=diagnosis.runs,
         model=diagnosis.model,
         aim="discrimination",
@@ -86,12 +82,8 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
         before=chances[0],
         after=chances[-1],
         duration=0.0,
-        procedure="",
-        statement="",
-        notes=("a row's probability is that at the fits, without draws",),
         diagnosis=diagnosis,
     )
-    return replace(result, statement=statement(result))
 
 
 def _candidates(question: Question, measurements: Measurements) -> list[_Row]:

@@ -15,8 +15,7 @@ from rigctl.dataset import Run, find_run, open_run
 from rigctl.design.design import design_experiment
 from rigctl.design.precision import relative_width
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
-from rigctl.design.result import DesignResult
-from rigctl.design.text import HALF
+from rigctl.design.result import HALF, DesignResult
 from rigctl.discovery.gate import gate_of
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.bench import LearningBench, seconds_of

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.design.precision import known_to
-from rigctl.design.result import NONE, WITHOUT_EFFECT, DesignResult
+from rigctl.design.result import NONE, DesignResult
 from rigctl.learning.result import PredictedRound, RoundOutcome
 
 
@@ -126,7 +126,7 @@ def _statement(
     winner: str, gains: Mapping[str, float], expected: Mapping[str, float], distinguished: bool
 ) -> str:
     how = "is distinguished" if distinguished else "is not distinguished"
-    text = f"{WITHOUT_EFFECT if winner == NONE else winner} {how}"
+    text = f"{'the model without an effect' if winner == NONE else winner} {how}"
     if not gains:
         return text
     rival = min(gains, key=lambda name: gains[name])

@@ -197,8 +197,8 @@ def _write_procedure(output: Path, result: DesignResult) -> None:
 
 
 def _write_sheet(sheet: Path, result: DesignResult) -> None:
+    from rigctl.answers.work_sheet import work_sheet
     from rigctl.cli.echo import echo
-    from rigctl.design.work_sheet import work_sheet
     from rigctl.files.write import write_new
 
     write_new(sheet, work_sheet(result).encode("utf-8"))

@@ -7,10 +7,10 @@ from pathlib import Path
 from rich.markup import escape
 
 from rigctl.answers.design import design_answer, whole_design
+from rigctl.answers.numbers import probability
 from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.tables import console, table
 from rigctl.design.result import DesignResult
-from rigctl.design.text import share
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round, round_text
 from rigctl.planning.outline import clock_time
@@ -56,7 +56,7 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
                 str(one.number),
                 significant(min(one.achieved.expected.values(), default=one.predicted.separation), 3),
                 "–" if gained is None else significant(gained, 3),
-                share(one.predicted.probability),
+                probability(one.predicted.probability),
                 "yes" if one.achieved.distinguished else "no",
             )
         out.print(grid)

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from rigctl.answers.blocks import Bar, Bars, Block, Figure, Note, Points, Sentence
-from rigctl.answers.design import design_answer, in_words, rival_tables, sensor_tables
+from rigctl.answers.design import design_page, record_caption
 from rigctl.answers.numbers import symbol
 from rigctl.design.result import DesignResult, Prediction, SensorSet
-from rigctl.design.text import share
 from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 
-#: how to read the tables
-_READING = (
-    "the weight of a rival is its probability among these, each fitted to all data so far; D: the expected "
-    "log-likelihood ratio 2·ln L from the records, with the rival refitted, ± its standard deviation over "
-    "the present uncertainty; P: the probability that a diagnosis distinguishes the two"
-)
 #: rivals that are drawn, the most probable first
 _DRAWN = 4
 #: a channel in which none of them differ by more, in sigmas, does not distinguish them
@@ -33,35 +25,10 @@ def design_sections(result: DesignResult) -> list[Section]:
     ]
     chart = sensor_plot(result.sensors)
     drawn = (*plots, *([] if chart is None else [chart]))
-    answer = design_answer(result)
-    whys = [f"{in_words(one)}. {one.why}" for one in result.records]
-    blocks: list[Block] = [
-        Sentence(answer.sentence, answer.tone, answer.title),
-        *_chances(result),
-        Note(_READING),
-        *rival_tables(result),
-        *([Points.of("records", whys)] if whys else []),
-        *(Figure(plot.id, plot.caption) for plot in plots),
-        *sensor_tables(result),
-        Figure("sensors", "what the sensors distinguish, over their price"),
-        *map(Note, result.notes),
-    ]
-    body = page_blocks(blocks, {plot.id: plot_slot(plot) for plot in drawn})
+    body = page_blocks(design_page(result), {plot.id: plot_slot(plot) for plot in drawn})
     if result.procedure:
         body += render("procedure.html", procedure=result.procedure)
     return [Section("next-experiment", "What to measure next", body, drawn)]
-
-
-def _chances(result: DesignResult) -> list[Block]:
-    """The probability so far, and after each record."""
-    if result.aim == "precision" or not result.records:
-        return []
-    shown = [Bar("now", result.before, share(result.before), "", 7)]
-    shown += [
-        Bar(f"with record {number}", one.after, share(one.after))
-        for number, one in enumerate(result.records, start=1)
-    ]
-    return [Bars("Probability that a diagnosis names the right rival alone", tuple(shown))]
 
 
 def record_plot(result: DesignResult, number: int) -> Plot:
@@ -72,13 +39,9 @@ def record_plot(result: DesignResult, number: int) -> Plot:
     panels = [_panel(one, names, named=k == 0) for k, one in enumerate(shown)]
     if len(names) > 1:
         panels += [_apart(one, names) for one in shown]
-    settings = ", ".join(f"{plain_name(name)} {value}" for name, value in record.settings.items())
-    caption = (
-        f"Record {number + 1}, at {settings}: what each rival predicts"
-        if settings
-        else (f"Record {number + 1}: what each rival predicts")
+    return Plot(
+        f"next-{number + 1}", record_caption(record, number + 1), "time in the record [s]", tuple(panels)
     )
-    return Plot(f"next-{number + 1}", caption, "time in the record [s]", tuple(panels))
 
 
 def _differs(one: Prediction, names: list[str]) -> bool:

@@ -11,8 +11,7 @@ from markupsafe import Markup
 
 from rigctl.answers.blocks import Bar, Bars
 from rigctl.answers.learning import learning_answer
-from rigctl.answers.numbers import words
-from rigctl.design.text import share
+from rigctl.answers.numbers import probability, words
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time
@@ -102,9 +101,9 @@ def rounds_plot(learned: Learned) -> Plot | None:
 def _drawn(judged: Sequence[Round]) -> list[str]:
     most = dict[str, float]()
     for one in judged:
-        for name, probability in one.probabilities.items():
-            most[name] = max(most.get(name, 0.0), probability)
-    likely = [name for name, probability in most.items() if probability > _PROBABLE]
+        for name, chance in one.probabilities.items():
+            most[name] = max(most.get(name, 0.0), chance)
+    likely = [name for name, chance in most.items() if chance > _PROBABLE]
     return sorted(likely, key=lambda name: -most[name])[:_DRAWN]
 
 
@@ -138,7 +137,7 @@ def _predicted_and_achieved(learned: Learned) -> Markup:
     for one in learned.rounds:
         if one.predicted is None or one.achieved is None:
             continue
-        label = f"round {one.number}, P {share(one.predicted.probability)}"
+        label = f"round {one.number}, P {probability(one.predicted.probability)}"
         for rival, gain in one.achieved.gains.items():
             expected = one.achieved.expected[rival]
             against = f"{plain_name(one.achieved.winner)} over {plain_name(rival)}"

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from rigctl.design.result import DesignResult, DesignRival, PredictedPower, ProposedRecord
-from rigctl.design.text import statement
+from rigctl.answers.design_statement import statement
+from rigctl.design.result import DesignResult, DesignRival, Explanation, PredictedPower, ProposedRecord
 
 
 def rival(name: str, effects: tuple[str, ...], weight: float) -> DesignRival:
@@ -38,13 +38,11 @@ def test_members_of_one_set_are_a_single_explanation() -> None:
         before=0.1,
         after=0.9,
         duration=10.0,
-        procedure="",
-        statement="",
     )
-    name, weight = found.explanations["leak"]
-    assert name == "leak with drift"
-    assert weight == pytest.approx(0.8)
-    assert found.explanations["friction"] == ("friction", 0.2)
+    leaks = found.explanations["leak"]
+    assert leaks.effects == ("leak", "drift")
+    assert leaks.weight == pytest.approx(0.8)
+    assert found.explanations["friction"] == Explanation(("friction",), 0.2)
     assert "distinguishes leak with drift and friction" in statement(found)
 
 
@@ -58,13 +56,11 @@ def test_more_than_two_explanations_are_counted_and_their_pairs_are_not_listed()
         outlooks=tuple(
             replace(outlook(one, other), after=0.1) for one in names for other in names if one != other
         ),
-        records=(ProposedRecord({}, (), "", 1.0, 0.5, 0.1, 0.1, 60.0, 5.0, 100.0),),
+        records=(ProposedRecord({}, (), 1.0, 0.5, 0.1, 0.1, 60.0, 5.0, 100.0),),
         separation=1.0,
         before=0.1,
         after=0.1,
         duration=60.0,
-        procedure="",
-        statement="",
     )
     said = statement(found)
     assert "the right one of these 3 explanations" in said

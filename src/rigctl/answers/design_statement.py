@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from rigctl.design.result import NONE, WITHOUT_EFFECT, DesignResult, PredictedPower, SensorSet
+from rigctl.answers.decided_by import decision
+from rigctl.answers.numbers import probability
+from rigctl.design.result import (
+    HALF,
+    NONE,
+    DesignResult,
+    Explanation,
+    PredictedPower,
+    ProposedRecord,
+    SensorSet,
+)
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import library
-from rigctl.notebook import worded
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
-from rigctl.wording import listed
+from rigctl.wording import listed, noun, number_of
 
-#: a set with a lower probability than this is no answer
-HALF = 0.5
+#: the model without any of the effects in question, in a sentence
+WITHOUT_EFFECT = "the model without an effect"
+#: the explanation without an effect where sensors may be wrong as stated
+_SENSORS = "an error of the sensors"
 #: more explanations than these are counted, not named
 _NAMED = 2
-
-
-def share(probability: float) -> str:
-    """A probability in per cent, rounded to whole numbers, but never to 0 or 100."""
-    if probability > 0.99:
-        return "over 99 %"
-    return f"{100.0 * probability:.0f} %" if probability >= 0.01 else "under 1 %"
 
 
 def title(design: DesignResult) -> str:
@@ -38,18 +42,17 @@ def statement(design: DesignResult) -> str:
         return _precision(design)
     if design.aim == "detection":
         return _detection(design)
-    called = design.explanations
-    named = list(dict.fromkeys(called[name][0] for pair in design.separates for name in pair))
+    pairs = design.separates
+    named = list(dict.fromkeys(_called(design, design.explanations[name]) for pair in pairs for name in pair))
     names = listed(named) if len(named) <= _NAMED else f"these {len(named)} explanations"
     if not design.records:
         return (
             f"no record that this bench can make distinguishes {names}{_sensor(design)}{_calibration(design)}"
         )
-    together = [pair for pair in design.separates if _least(design, pair) < HALF]
-    chance = f"with a probability of {share(design.after)}, now {share(design.before)}"
+    together = [pair for pair in pairs if _least(design, pair) < HALF]
+    chance = f"with a probability of {probability(design.after)}, now {probability(design.before)}"
     if design.separable:
-        tells = "tells" if len(design.records) == 1 else "tell"
-        return f"{_amount(design)} {tells} {names} apart {chance}"
+        return f"{_amount(design)} {noun(len(design.records), 'tells', 'tell')} {names} apart {chance}"
     what = f"the right one of {names} would be identified {chance}, by {_amount(design)}"
     remainder = f"; {_not_distinguished(design, together)}" if together else ""
     return f"{what}{remainder}{_sensor(design)}{_calibration(design)}"
@@ -61,13 +64,24 @@ def explanations_in_words(design: DesignResult) -> list[str]:
     if design.diagnosis is not None:
         model = design.diagnosis.before.fit.problem.model
         known = {**library(model.family), **{one.name: one for one in model.own_effects}}
-    texts = []
-    for together, weight in dict.fromkeys(design.explanations.values()):
-        names = together.split(" with ")
-        said = [known[name].described if name in known else name for name in names]
-        said = [WITHOUT_EFFECT if name == NONE else name for name in said]
-        texts.append(" with ".join(said) + (f", {share(weight)}" if weight else ""))
-    return texts
+    names = {one.name: known[one.name].described for one in design.rivals if one.name in known}
+    if not _sensors_instead(design):
+        names[NONE] = WITHOUT_EFFECT
+    return [
+        _called(design, one, names) + (f", {probability(one.weight)}" if one.weight else "")
+        for one in dict.fromkeys(design.explanations.values())
+    ]
+
+
+def _called(design: DesignResult, one: Explanation, names: Mapping[str, str] | None = None) -> str:
+    """An explanation by its names: ``a with b``."""
+    called = ({NONE: _SENSORS} if _sensors_instead(design) else {}) | dict(names or {})
+    return " with ".join(called.get(name, name) for name in one.effects)
+
+
+def _sensors_instead(design: DesignResult) -> bool:
+    """Whether the explanation without an effect is that sensors are wrong as stated."""
+    return design.diagnosis is not None and bool(design.diagnosis.instead_of_sensors)
 
 
 def _sensor(design: DesignResult) -> str:
@@ -78,7 +92,7 @@ def _sensor(design: DesignResult) -> str:
     tells = f"with {_named(one)}, the same records and a repeat of the earlier ones would identify it"
     if one.probability < HALF:
         tells = f"an additional sensor would not suffice either: {tells}"
-    return f"; {tells} with a probability of {share(one.probability)}"
+    return f"; {tells} with a probability of {probability(one.probability)}"
 
 
 def _calibration(design: DesignResult) -> str:
@@ -86,7 +100,7 @@ def _calibration(design: DesignResult) -> str:
     diagnosis = design.diagnosis
     if diagnosis is None or not diagnosis.instead_of_sensors or not diagnosis.decided_by:
         return ""
-    return "; " + worded(diagnosis.decided_by[0], "decided_by.decision")
+    return f"; {decision(diagnosis.decided_by[0])}"
 
 
 def _least(design: DesignResult, pair: tuple[str, str]) -> float:
@@ -98,8 +112,8 @@ def _not_distinguished(design: DesignResult, together: Sequence[tuple[str, str]]
     distinguished = len(design.separates) - len(together)
     if len(together) > 1 and not distinguished:
         return "not reliably distinguished: any two of them"
-    without, _ = design.explanations.get(NONE, (NONE, 0.0))
-    pairs = ", ".join(" and ".join(without if name == NONE else name for name in pair) for pair in together)
+    names = {NONE: _called(design, design.explanations[NONE])} if NONE in design.explanations else {}
+    pairs = ", ".join(" and ".join(names.get(name, name) for name in pair) for pair in together)
     others = f"; the other {distinguished} pairs would be distinguished" if distinguished > 1 else ""
     return f"not reliably distinguished: {pairs}{others}"
 
@@ -114,18 +128,18 @@ def repeats_with(one: SensorSet) -> str:
     tells = f"with {_named(one)}, a repeat of the records so far would identify the right one "
     tells += "with a probability of "
     if one.probability < HALF:
-        return f"An additional sensor would not suffice either: {tells}{share(one.probability)}"
-    return f"{tells[0].upper()}{tells[1:]}{share(one.probability)}"
+        return f"An additional sensor would not suffice either: {tells}{probability(one.probability)}"
+    return f"{tells[0].upper()}{tells[1:]}{probability(one.probability)}"
 
 
 def _detection(design: DesignResult) -> str:
     names = " or ".join(one.truth for one in design.outlooks)
     if not design.records:
         return f"no record that this bench can make shows {names} at its usual size"
-    shows = "shows" if len(design.records) == 1 else "show"
+    shows = f"{_amount(design)} {noun(len(design.records), 'shows', 'show')} {names}"
     return (
-        f"{_amount(design)} {shows} {names}, at its usual size, with a probability of {share(design.after)}, "
-        f"now {share(design.before)}"
+        f"{shows}, at its usual size, with a probability of {probability(design.after)}, "
+        f"now {probability(design.before)}"
     )
 
 
@@ -140,14 +154,53 @@ def _precision(design: DesignResult) -> str:
         f"± {significant(one.after, 3)} {one.unit}"
         for one in design.sharpened
     )
-    improves = "improves" if len(design.records) == 1 else "improve"
-    return f"{missing}{_amount(design)} {improves} the estimate of the size of {name}: {gains} (95 %)"
+    improve = f"{_amount(design)} {noun(len(design.records), 'improves', 'improve')}"
+    return f"{missing}{improve} the estimate of the size of {name}: {gains} (95 %)"
 
 
 def _amount(design: DesignResult) -> str:
-    count, rows = len(design.records), not design.duration
-    what = f"{count} {'row' if rows else 'record'}{'' if count == 1 else 's'}"
-    return what if rows else f"{what} of {clock_time(design.duration)} of bench time"
+    if not design.duration:
+        return number_of(len(design.records), "row")
+    return f"{number_of(len(design.records), 'record')} of {clock_time(design.duration)} of bench time"
+
+
+def notes(design: DesignResult) -> list[str]:
+    """How its probabilities were computed, and why sensors that were asked for are not among them."""
+    if design.simulated is None:
+        return ["a row's probability is that at the fits, without draws"]
+    rivals = len(design.rivals)
+    with_each = f"with each of {rivals} rivals" if rivals > 1 else "with it"
+    simulated = f"{design.simulated} records were simulated {with_each}"
+    no_sensors = "sensors are evaluated only if rivals are to be distinguished"
+    return [simulated, *([no_sensors] if design.sensors_left_out else [])]
+
+
+def summary(design: DesignResult) -> str:
+    """The statement, and a line for each record."""
+    lines = [
+        f"  {settings(one)}: D {significant(one.separation, 3)}, of a repeat {significant(one.of_repeat, 3)}"
+        for one in design.records
+    ]
+    return "\n".join([statement(design), *lines])
+
+
+def settings(one: ProposedRecord) -> str:
+    """The operating point of a record: ``oil 60 degC, supply 30 bar``."""
+    return ", ".join(f"{name} {value}" for name, value in one.settings.items())
+
+
+def procedure(design: DesignResult) -> str:
+    """The procedure that takes the records, each with its reason; "" without records, and for rows."""
+    recipes = [one.recipe for one in design.records if one.recipe is not None]
+    if design.writer is None or not recipes:
+        return ""
+    return design.writer.text(
+        recipes,
+        title=f"next for {design.model}",
+        description=f"{statement(design)}.",
+        why=header(design),
+        reasons=[reason(design, number) for number in range(len(recipes))],
+    )
 
 
 def header(design: DesignResult) -> list[str]:
@@ -163,7 +216,7 @@ def outlook_text(one: PredictedPower) -> str:
     rival = WITHOUT_EFFECT if one.rival == NONE else one.rival
     return (
         f"If {one.truth} is right, it is distinguished from {rival} with a probability of "
-        f"{share(one.after)}: expected gain D = {significant(one.separation, 3)} "
+        f"{probability(one.after)}: expected gain D = {significant(one.separation, 3)} "
         f"± {significant(one.spread, 2)}."
     )
 
@@ -171,15 +224,15 @@ def outlook_text(one: PredictedPower) -> str:
 def reason(design: DesignResult, number: int) -> list[str]:
     """The comment above a record of the procedure: what it adds, compared with a repeat."""
     one = design.records[number]
-    first = f"Record {number + 1}: {one.why}."
+    first = f"Record {number + 1}: {added(design, one)}."
     if design.aim == "precision":
         return [first]
-    chance = f"The probability changes from {share(one.before)} to {share(one.after)}"
+    chance = f"The probability changes from {probability(one.before)} to {probability(one.after)}"
     return [first, f"{chance}; {clock_time(one.duration)} of bench time."]
 
 
-def added(separation: float, of_repeat: float, *, precision: bool) -> str:
+def added(design: DesignResult, one: ProposedRecord) -> str:
     """What a record adds, compared with a repeat of an earlier one."""
-    what = "the logarithm of the precision of the size" if precision else "D"
-    repeat = f"the best repeat of an earlier record would add {significant(of_repeat, 3)}"
-    return f"{what} increases by {significant(separation, 3)}; {repeat}"
+    what = "the logarithm of the precision of the size" if design.aim == "precision" else "D"
+    repeat = f"the best repeat of an earlier record would add {significant(one.of_repeat, 3)}"
+    return f"{what} increases by {significant(one.separation, 3)}; {repeat}"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from rigctl.answers.design_statement import added, statement
+from rigctl.answers.numbers import probability
 from rigctl.design.result import DesignResult, ProposedRecord
-from rigctl.design.text import share
 from rigctl.planning.outline import clock_time
 
 _WIDTH = 96
@@ -19,21 +20,21 @@ def work_sheet(design: DesignResult) -> str:
         rule,
         f"WORK SHEET   model {design.model}",
         rule,
-        *_wrapped(design.statement + ".", ""),
+        *_wrapped(statement(design) + ".", ""),
         "",
         f"Records: {len(design.records)}    bench time with heating: about {clock_time(design.duration)}",
         "Probability that the right effect alone is named: "
-        f"{share(design.before)} now, {share(design.after)} after",
+        f"{probability(design.before)} now, {probability(design.after)} after",
         "",
         "Operator: ______________________    Date: ______________    Bench: ______________________",
         "",
         "Stop at any sign of trouble: outputs off first, then write down what was seen.",
     ]
-    parts = [line for number, one in enumerate(design.records, 1) for line in _record(number, one)]
+    parts = [line for number, one in enumerate(design.records, 1) for line in _record(design, number, one)]
     return "\n".join([*head, *parts, *_foot(design)]) + "\n"
 
 
-def _record(number: int, one: ProposedRecord) -> list[str]:
+def _record(design: DesignResult, number: int, one: ProposedRecord) -> list[str]:
     settings = [
         f"  [ ] set {name.replace('_', ' ')} to {value}, wait until it is steady"
         for name, value in one.settings.items()
@@ -44,7 +45,7 @@ def _record(number: int, one: ProposedRecord) -> list[str]:
         "-" * _WIDTH,
         f"RECORD {number}    about {clock_time(one.duration)}",
         f"  recorded: {one.recorded:.3g} s at {one.rate:g} Hz",
-        *_wrapped(one.why, "  "),
+        *_wrapped(added(design, one), "  "),
         *settings,
         "  [ ] back to the start position, logger on",
         *steps,
