@@ -10,9 +10,10 @@ from typing import Any, cast
 
 import pytest
 
-from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.analysis.conclusion import Doubt
+from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
-from rigctl.design.result import PrecisionGain
+from rigctl.design.result import DesignResult, PrecisionGain
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.learning import learn, predicted_and_achieved
@@ -58,17 +59,30 @@ class MadeBench:
         return RunResult(status, reason, ExitCode.DONE, folder, 1, self.seconds)
 
 
+class MadeDiagnosis(SimpleNamespace):
+    """What learning reads of a diagnosis."""
+
+    __class__ = Diagnosis
+
+
+class MadeDesign(SimpleNamespace):
+    """What learning reads of a design."""
+
+    __class__ = DesignResult
+
+
 def verdict(
     of: Verdict,
     *names: str,
-    doubt: str = "",
+    doubt: Doubt | None = None,
     unconfirmed: tuple[str, ...] = (),
     width: float = 0.05,
     instead_of_sensors: tuple[str, ...] = (),
 ) -> Any:
     """A diagnosis; of a model with a leak, its conductance known to `width` (95 %)."""
     fit = SimpleNamespace(errors={}, chi2_reduced=1.0, problem=SimpleNamespace(model=LEAKY), width=width)
-    return SimpleNamespace(
+    return MadeDiagnosis(
+        model="own",
         unconfirmed=unconfirmed,
         best=SimpleNamespace(fit=fit),
         verdict=of,
@@ -94,7 +108,7 @@ def design(
     sensor: float = 0.9,
 ) -> Any:
     rivals = [SimpleNamespace(name=name, weight=1.0 / len(names)) for name in names]
-    return SimpleNamespace(
+    return MadeDesign(
         aim="discrimination" if sharpened is None else "precision",
         sharpened=() if sharpened is None else (sharpened,),
         separable=separable,
@@ -106,7 +120,7 @@ def design(
         after=0.9 if separable else 0.1,
         duration=500.0,
         procedure="procedure: next\n",
-        statement="designed" if separable else "Not distinguishable on this bench",
+        statement="designed" if separable else "hardly",
     )
 
 
@@ -201,32 +215,49 @@ def test_rounds_continue_while_rivals_remain(stand: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("ended", "verdicts", "more"),
+    ("ended", "verdicts", "more", "statement"),
     [
-        (LearningEnd.ROUNDS, [UNSURE, UNSURE], {"rounds": 2}),
-        (LearningEnd.BUDGET, [UNSURE, UNSURE], {"budget": 1200.0}),
+        (LearningEnd.ROUNDS, [UNSURE, UNSURE], {"rounds": 2}, "2 rounds were allowed"),
+        (LearningEnd.BUDGET, [UNSURE, UNSURE], {"budget": 1200.0}, "the budget is used up"),
         (
             LearningEnd.BUDGET,
             [UNSURE],
-            {"designs": [TooLittleTime("the budget is too small for any record")]},
+            {"designs": [TooLittleTime("too small a budget")]},
+            "too small a budget",
         ),
-        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [NothingLeft("nothing is left to distinguish")]}),
-        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [design(separable=False)]}),
-        (LearningEnd.NOT_SEPARABLE, [SENSORS], {"designs": [design(separable=False)]}),
-        (LearningEnd.DECLINED, [UNSURE], {"answers": [False]}),
-        (LearningEnd.OUTSIDE_LIBRARY, [verdict(Verdict.OUTSIDE_LIBRARY)], {}),
-        (LearningEnd.OUTSIDE_LIBRARY, [UNSURE, OTHER], {}),
-        (LearningEnd.NOT_DECIDED, [verdict(Verdict.ADEQUATE, doubt="the noise is a guess")], {}),
-        (LearningEnd.STOPPED, [UNSURE], {"status": ["finished", "failed"]}),
+        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [NothingLeft("no", hint="two")]}, "no"),
+        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [design(separable=False)]}, "hardly"),
+        (LearningEnd.NOT_SEPARABLE, [SENSORS], {"designs": [design(separable=False)]}, "hardly"),
+        (LearningEnd.DECLINED, [UNSURE], {"answers": [False]}, "the proposal is kept in FOLDER/round-2.yaml"),
+        (LearningEnd.OUTSIDE_LIBRARY, [verdict(Verdict.OUTSIDE_LIBRARY)], {}, "outside_library"),
+        (
+            LearningEnd.OUTSIDE_LIBRARY,
+            [UNSURE, OTHER],
+            {},
+            "the bench behaved differently from every rival's prediction: the data point to spring",
+        ),
+        (
+            LearningEnd.NOT_DECIDED,
+            [verdict(Verdict.ADEQUATE, doubt=Doubt("within_noise"))],
+            {},
+            "these data cannot tell whether anything is missing: "
+            "the error of every channel is within its noise",
+        ),
+        (
+            LearningEnd.STOPPED,
+            [UNSURE],
+            {"status": ["finished", "failed"]},
+            "the run run-2 failed: an interlock tripped",
+        ),
     ],
 )
 def test_every_end_of_learning_states_its_reason(
-    stand: Any, ended: LearningEnd, verdicts: list[Any], more: dict[str, Any]
+    stand: Any, ended: LearningEnd, verdicts: list[Any], more: dict[str, Any], statement: str
 ) -> None:
     here = stand(verdicts, **more)
     learned = here.learner.learn()
     assert learned.ended is ended
-    assert learned.statement
+    assert learned.statement == statement.replace("FOLDER", here.kept.folder.as_posix())
     assert (learned.exit_code is ExitCode.FAILED) is (ended is LearningEnd.STOPPED)
     assert (LearningFolder.find(here.kept.folder.parents[1]).learned is None) is (
         ended is LearningEnd.STOPPED
@@ -269,9 +300,9 @@ def test_rounds_continue_until_the_requested_precision_is_reached(stand: Any) ->
     assert learned.ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1, 2, 3]
     assert here.bench.precise == [("leak",), ("leak",)]
-    out = learned.rounds[-1].achieved
-    assert out.sizes == {"leak.conductance": 1e-16}
-    assert out.statement == (
+    last = learned.rounds[-1]
+    assert last.achieved.sizes == {"leak.conductance": 1e-16}
+    assert last.outcome == (
         "leak.conductance is known to within ± 1e-16 m^3 (95 %), expected ± 1e-16, before ± 3e-16"
     )
     assert stand([VAGUE]).learner.learn().ended is LearningEnd.ADEQUATE  # no precision was requested

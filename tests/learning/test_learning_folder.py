@@ -29,16 +29,18 @@ PREDICTIONS = st.builds(
     duration=NUMBERS,
     records=st.lists(TEXTS, max_size=2).map(tuple),
     aim=st.sampled_from(["discrimination", "precision"]),
-    sharpened=st.lists(st.fixed_dictionaries({"parameter": NAMES, "after": NUMBERS}), max_size=2).map(tuple),
+    sharpened=st.lists(
+        st.fixed_dictionaries({"parameter": NAMES, "unit": TEXTS, "before": NUMBERS, "after": NUMBERS}),
+        max_size=2,
+    ).map(tuple),
 )
 OUTCOMES = st.builds(
     RoundOutcome,
     winner=NAMES,
     gains=st.dictionaries(NAMES, NUMBERS, max_size=2),
-    expected=st.dictionaries(NAMES, NUMBERS, max_size=2),
+    expected=st.fixed_dictionaries(dict.fromkeys(["leak", "drift", "coulomb_friction", "none"], NUMBERS)),
     distinguished=st.booleans(),
     kept=st.booleans(),
-    statement=TEXTS,
     sizes=st.dictionaries(NAMES, NUMBERS, max_size=2),
 )
 ROUNDS = st.builds(
@@ -64,19 +66,23 @@ TASK = Task("campaign.yaml", "m.yaml", 1, arguments={"supply": "30 bar"}, bench=
 
 @given(ROUNDS)
 def test_a_round_survives_json(one: Round) -> None:
-    assert Round.read(one.document()) == one
+    again = Round.read(one.document())
+    assert again == one
+    assert again.document() == one.document()
 
 
 def test_the_state_of_an_earlier_version_is_read() -> None:
-    """Its predictions have no aim, its outcomes no sizes, and its task no precision."""
+    """Its predictions have no aim, its outcomes no sizes, its task no precision; its sentence is kept."""
     predicted = PredictedRound({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
-    out = RoundOutcome("leak", {}, {}, distinguished=True, kept=True, statement="leak is distinguished")
+    out = RoundOutcome("leak", {}, {}, distinguished=True, kept=True, recorded="leak is told apart")
     document = Round(2, "round-2.yaml", predicted=predicted, achieved=out).document()
     for part, names in (("promised", ("aim", "sharpened")), ("came_out", ("sizes",))):
         for name in names:
             del document[part][name]
     del document["lost"]
-    assert Round.read(document) == Round(2, "round-2.yaml", predicted=predicted, achieved=out)
+    read = Round.read(document)
+    assert read == Round(2, "round-2.yaml", predicted=predicted, achieved=out)
+    assert read.outcome == document["came_out"]["statement"] == "leak is told apart"
     task = TASK.document()
     del task["precision"]
     assert Task.read(task) == TASK
@@ -84,7 +90,7 @@ def test_the_state_of_an_earlier_version_is_read() -> None:
 
 def test_adequate_learning_can_be_resumed_for_a_higher_precision(tmp_path: Path) -> None:
     kept = LearningFolder.create(tmp_path, TASK, "stroke")
-    kept.close(Learned((), LearningEnd.ADEQUATE, "m.yaml", 1, 0.0, "why"))
+    kept.close(Learned((), LearningEnd.ADEQUATE, "m.yaml", 1, 0.0, RigctlError("why")))
     LearningFolder.find(tmp_path).reopen(precision=0.1)
     assert LearningFolder.find(tmp_path).task.precision == 0.1
 
@@ -141,7 +147,7 @@ def test_a_session_is_discarded_only_if_nothing_has_happened(
 @pytest.mark.parametrize("ended", list(LearningEnd))
 def test_only_learning_that_more_rounds_could_change_is_resumed(tmp_path: Path, ended: LearningEnd) -> None:
     kept = LearningFolder.create(tmp_path, TASK, "stroke")
-    kept.close(Learned((), ended, "m.yaml", 1, 0.0, "why"))
+    kept.close(Learned((), ended, "m.yaml", 1, 0.0, RigctlError("why")))
     again = LearningFolder.find(tmp_path)
     if ended in (LearningEnd.DECLINED, LearningEnd.BUDGET, LearningEnd.ROUNDS, LearningEnd.STOPPED):
         again.reopen(rounds=9)

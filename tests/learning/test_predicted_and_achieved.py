@@ -9,7 +9,7 @@ import pytest
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.learning.predicted_and_achieved import round_outcome
-from rigctl.learning.result import PredictedRound
+from rigctl.learning.result import PredictedRound, Round, RoundOutcome
 
 
 def predicted(**weights: float) -> PredictedRound:
@@ -39,14 +39,19 @@ def diagnosis(
     return cast("Diagnosis", made)
 
 
+def said(found: Diagnosis, out: RoundOutcome) -> str:
+    return Round(2, "", effects=found.effects, predicted=predicted(), achieved=out).outcome
+
+
 def test_the_gain_is_the_change_of_the_margin() -> None:
-    out = round_outcome(predicted(), diagnosis(Verdict.MISSING_EFFECT, [["leak"]], leak=-60.0, drift=-35.0))
+    found = diagnosis(Verdict.MISSING_EFFECT, [["leak"]], leak=-60.0, drift=-35.0)
+    out = round_outcome(predicted(), found)
     assert out.winner == "leak"
     assert out.distinguished
     assert out.kept
     assert out.gains == {"drift": pytest.approx(25.0 - 3.0)}
     assert out.expected == {"drift": 20.0}
-    assert out.statement == "leak is distinguished: its margin over drift increased by 22 (expected: 20)"
+    assert said(found, out) == "leak is distinguished: its margin over drift increased by 22 (expected: 20)"
 
 
 def test_the_less_probable_rival_may_win() -> None:
@@ -76,7 +81,7 @@ def test_a_bench_that_contradicts_every_rival_refutes_the_prediction(found: Diag
     out = round_outcome(predicted(), found)
     assert not out.kept
     assert out.winner == ""
-    assert "behaved differently from every rival's prediction" in out.statement
+    assert "behaved differently from every rival's prediction" in said(found, out)
 
 
 def test_a_winner_left_in_the_class_but_not_designed_for_is_accepted() -> None:
@@ -84,7 +89,9 @@ def test_a_winner_left_in_the_class_but_not_designed_for_is_accepted() -> None:
     found = diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0)
     out = round_outcome(predicted(), found, candidates={"leak", "drift", "spring"})
     assert (out.kept, out.winner, out.distinguished) == (True, "spring", True)
-    assert out.statement == "spring is named now, which the data allowed but the round was not designed for"
+    assert (
+        said(found, out) == "spring is named now, which the data allowed but the round was not designed for"
+    )
     again = diagnosis(Verdict.AMBIGUOUS, [["load", "spring"]], spring=-80.0, load=-81.0)
     assert not round_outcome(predicted(), again, candidates={"leak", "drift", "spring"}).distinguished
     assert not round_outcome(predicted(), found, candidates={"leak", "drift"}).kept

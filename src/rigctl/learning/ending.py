@@ -1,4 +1,4 @@
-"""Why `rigctl learn` makes no further round, and the heading for it."""
+"""Why `rigctl learn` makes no further round."""
 
 from __future__ import annotations
 
@@ -18,20 +18,3 @@ class LearningEnd(StrEnum):
     ROUNDS = "rounds"  #: the allowed number of rounds has been made
     DECLINED = "declined"  #: the user declined; the proposal is stored
     STOPPED = "stopped"  #: a run did not finish; it ended safely, and learning can continue
-
-    @property
-    def heading(self) -> str:
-        """The ending as a short heading for the terminal and the page."""
-        return _HEADINGS[self]
-
-
-_HEADINGS = {
-    LearningEnd.ADEQUATE: "Learnt",
-    LearningEnd.NOT_SEPARABLE: "Not distinguishable on this bench",
-    LearningEnd.OUTSIDE_LIBRARY: "Outside the library",
-    LearningEnd.NOT_DECIDED: "Not decided",
-    LearningEnd.BUDGET: "Out of time",
-    LearningEnd.ROUNDS: "Out of rounds",
-    LearningEnd.DECLINED: "Declined",
-    LearningEnd.STOPPED: "Stopped",
-}

@@ -22,7 +22,7 @@ from rigctl.learning.bench import LearningBench, seconds_of
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.learning_folder import LearningFolder
 from rigctl.learning.predicted_and_achieved import prediction_of, round_outcome
-from rigctl.learning.result import Learned, Round, RoundOutcome
+from rigctl.learning.result import Learned, Reason, Round, RoundOutcome
 from rigctl.model import current_version, load_model, versions
 from rigctl.plan import Plan
 
@@ -97,13 +97,11 @@ class Learner:
         if current.number == 1 and not current.lost:
             require_time(plan, task.budget)
         elif current.lost and self._time_left is not None and seconds_of(plan) > self._time_left:
-            reason = f"round {current.number} failed, and the budget does not allow it again"
-            return self._ended(LearningEnd.BUDGET, reason)
+            return self._ended(LearningEnd.BUDGET, current)  # it failed, and there is no time for it again
         result = self.bench.measure(plan, current.number, self.kept.folder.name)
         if result.folder is None or result.status != "finished":
             self.kept.update(replace(current, lost=current.lost + result.duration))
-            where = f"{result.folder.name} " if result.folder is not None else ""
-            stopped = self._ended(LearningEnd.STOPPED, f"the run {where}{result.status}: {result.reason}")
+            stopped = self._ended(LearningEnd.STOPPED, result)
             return replace(stopped, exit_code=result.exit_code or ExitCode.FAILED)
         self.kept.update(replace(current, run=result.folder.name, duration=result.duration))
         return None
@@ -181,24 +179,23 @@ class Learner:
         try:
             design = self._design(last, judged.number)
         except TooLittleTime as problem:
-            return self._ended(LearningEnd.BUDGET, problem.what)
+            return self._ended(LearningEnd.BUDGET, problem)
         except (NothingToSet, NothingLeft) as problem:
             sensors = problem.sensors if isinstance(problem, NothingToSet) else ()
-            reason = f"{problem.what}. {problem.hint}" if sensors else problem.what
-            return self._ended(_without_records(last), reason, sensors)
+            return self._ended(_without_records(last), problem, sensors)
         promising = bool(design.records) and design.after >= self.worth
         if promising and (design.aim != "precision" or _sharpens(design)):
             return self._proposed(design)
         tells = design.sensor is not None and design.sensor.probability >= HALF
         channels = design.sensor.channels if design.sensor is not None and tells else ()
-        return self._ended(_without_records(last), design.statement, channels)
+        return self._ended(_without_records(last), design, channels)
 
     def _exhausted(self, judged: Round) -> Learned | None:
         """How learning ended if no further round is allowed."""
         if judged.number >= self.kept.task.rounds:
-            return self._ended(LearningEnd.ROUNDS, f"{judged.number} rounds were allowed")
+            return self._ended(LearningEnd.ROUNDS, judged)
         if self._time_left is not None and self._time_left <= 0.0:
-            return self._ended(LearningEnd.BUDGET, "the budget is used up")
+            return self._ended(LearningEnd.BUDGET, judged)
         return None
 
     def _design(self, last: Diagnosis, number: int) -> DesignResult:
@@ -228,23 +225,21 @@ class Learner:
         self.kept.update(replace(proposal, answer="yes" if yes else "no"))
         if yes:
             return None
-        return self._ended(LearningEnd.DECLINED, f"the proposal is kept in {proposal.procedure}")
+        return self._ended(LearningEnd.DECLINED, proposal)
 
     def _settled(self, judged: Round, last: Diagnosis) -> Learned | None:
         """How learning ended if no further record is worthwhile."""
         if _adequate_alone(last) and not last.doubt:
             vague = bool(self._to_be_sized(last))
-            return None if vague else self._ended(LearningEnd.ADEQUATE, last.statement)
+            return None if vague else self._ended(LearningEnd.ADEQUATE, last)
         if last.doubt:
-            return self._ended(
-                LearningEnd.NOT_DECIDED, f"these data cannot tell whether anything is missing: {last.doubt}"
-            )
+            return self._ended(LearningEnd.NOT_DECIDED, last)
         if judged.achieved is not None and not judged.achieved.kept:
-            return self._ended(LearningEnd.OUTSIDE_LIBRARY, judged.achieved.statement)
+            return self._ended(LearningEnd.OUTSIDE_LIBRARY, judged)
         if last.instead_of_sensors:
             return None  # records may tell an effect from an error of a sensor
         if gate_of(last).open and not self._may_yet_predict(last):
-            return self._ended(LearningEnd.OUTSIDE_LIBRARY, last.statement)
+            return self._ended(LearningEnd.OUTSIDE_LIBRARY, last)
         return None
 
     def _may_yet_predict(self, last: Diagnosis) -> bool:
@@ -277,10 +272,10 @@ class Learner:
     def _open_runs(self) -> list[Run]:
         return [open_run(find_run(name, self.runs)) for name in self.kept.runs]
 
-    def _ended(self, why: LearningEnd, statement: str, sensor: tuple[str, ...] = ()) -> Learned:
+    def _ended(self, why: LearningEnd, because: Reason, sensor: tuple[str, ...] = ()) -> Learned:
         rounds = tuple(self.kept.rounds)
         version = current_version(Path(self.kept.task.model)).number
-        return Learned(rounds, why, self.kept.task.model, version, self.kept.spent, statement, sensor)
+        return Learned(rounds, why, self.kept.task.model, version, self.kept.spent, because, sensor)
 
 
 def _adequate_alone(last: Diagnosis) -> bool:

@@ -50,12 +50,9 @@ def round_outcome(
     if not winner and beside and diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
         name = min(beside, key=lambda one: scores.get(one, 0.0))
         alone = all(len(names) == 1 for names in diagnosis.classes if name in names)
-        text = f"{name} is named now, which the data allowed but the round was not designed for"
-        return RoundOutcome(name, {}, {}, distinguished=alone, kept=True, statement=text)
+        return RoundOutcome(name, {}, {}, distinguished=alone, kept=True)
     if not winner:
-        named = " + ".join(diagnosis.effects) or "none of them"
-        text = f"the bench behaved differently from every rival's prediction: the data point to {named}"
-        return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=text)
+        return RoundOutcome("", {}, {}, distinguished=False, kept=False)
     pairs = {one["rival"]: one for one in predicted.outlooks if one["truth"] == winner}
     gains = {
         rival: rival_scores[rival] - rival_scores[winner] - float(pair["margin"])
@@ -64,14 +61,7 @@ def round_outcome(
     }
     expected = {rival: float(pair["separation"]) for rival, pair in pairs.items()}
     distinguished = _distinguished(winner, predicted, diagnosis)
-    return RoundOutcome(
-        winner,
-        gains,
-        expected,
-        distinguished=distinguished,
-        kept=True,
-        statement=_statement(winner, gains, expected, distinguished),
-    )
+    return RoundOutcome(winner, gains, expected, distinguished=distinguished, kept=True)
 
 
 def _sized(predicted: PredictedRound, diagnosis: Diagnosis) -> RoundOutcome:
@@ -86,16 +76,8 @@ def _sized(predicted: PredictedRound, diagnosis: Diagnosis) -> RoundOutcome:
     sizes = known_to(fit, [one["parameter"] for one in predicted.sharpened])
     consistent = bool(sizes) and (fit is diagnosis.before.fit or set(names) <= set(diagnosis.effects))
     if not consistent:
-        named = " + ".join(diagnosis.effects) or "none of them"
-        text = f"the bench behaved differently from {' and '.join(names)}: the data point to {named}"
-        return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=text)
-    text = ", ".join(
-        f"{one['parameter']} is known to within ± {sizes[one['parameter']]:.3g} {one['unit']} (95 %), "
-        f"expected ± {one['after']:.3g}, before ± {one['before']:.3g}"
-        for one in predicted.sharpened
-        if one["parameter"] in sizes
-    )
-    return RoundOutcome(" + ".join(names), {}, {}, distinguished=True, kept=True, statement=text, sizes=sizes)
+        return RoundOutcome("", {}, {}, distinguished=False, kept=False)
+    return RoundOutcome(" + ".join(names), {}, {}, distinguished=True, kept=True, sizes=sizes)
 
 
 def _scores(diagnosis: Diagnosis) -> Mapping[str, float]:
@@ -120,15 +102,3 @@ def _distinguished(winner: str, predicted: PredictedRound, diagnosis: Diagnosis)
         return False  # a sensor or an effect, still
     others = set(predicted.rivals) - {winner}
     return not any(winner in names and others & set(names) for names in diagnosis.classes)
-
-
-def _statement(
-    winner: str, gains: Mapping[str, float], expected: Mapping[str, float], distinguished: bool
-) -> str:
-    how = "is distinguished" if distinguished else "is not distinguished"
-    text = f"{'the model without an effect' if winner == NONE else winner} {how}"
-    if not gains:
-        return text
-    rival = min(gains, key=lambda name: gains[name])
-    margin = f"its margin over {rival} increased by {gains[rival]:.3g} (expected: {expected[rival]:.3g})"
-    return f"{text}: {margin}"

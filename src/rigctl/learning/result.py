@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rigctl.errors import ExitCode
+from rigctl.analysis.diagnosis_result import Diagnosis
+from rigctl.design.result import DesignResult
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.ending import LearningEnd
-from rigctl.notebook import as_html, one_line
+from rigctl.notebook import as_html, one_line, worded
+from rigctl.runner.session import RunResult
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,9 +84,9 @@ class RoundOutcome:
     expected: the predicted values, if the winner is right.
     distinguished: whether the winner is distinguished from all others now.
     kept: whether the bench behaved as one of the rivals predicted; if False, `rigctl discover` is suggested.
-    statement: in words.
     sizes: for a round for precision, the half-width with which each parameter is known now, in the units of
         `PredictedRound.sharpened`.
+    recorded: the sentence that the session's folder keeps of it; "" before it is read from there.
     """
 
     winner: str
@@ -91,18 +94,18 @@ class RoundOutcome:
     expected: Mapping[str, float]
     distinguished: bool
     kept: bool
-    statement: str
     sizes: Mapping[str, float] = field(default_factory=dict)
+    recorded: str = field(default="", compare=False)
 
-    def document(self) -> dict[str, Any]:
-        """Its machine-readable form."""
+    def document(self, statement: str) -> dict[str, Any]:
+        """Its machine-readable form, with the statement of its round."""
         return {
             "winner": self.winner,
             "gains": dict(self.gains),
             "expected": dict(self.expected),
             "told_apart": self.distinguished,
             "kept": self.kept,
-            "statement": self.statement,
+            "statement": statement,
             "sizes": dict(self.sizes),
         }
 
@@ -115,8 +118,8 @@ class RoundOutcome:
             expected=dict(document["expected"]),
             distinguished=bool(document["told_apart"]),
             kept=bool(document["kept"]),
-            statement=document["statement"],
             sizes=dict(document.get("sizes", {})),
+            recorded=document["statement"],
         )
 
 
@@ -136,7 +139,7 @@ class Round:
     added: effects that were added because they were certain, each with the version in which it was.
     error: by channel, the normalised root mean square error with the model after the round.
     chi2: reduced, of the same fit.
-    statement: of the diagnosis, in words.
+    statement: of the diagnosis, in words, as the session's folder keeps it.
     predicted: the predicted power of the round; None for the first.
     achieved: the outcome.
     answer: whether the round should be carried out: ``yes``, ``no``, or "" if not yet asked.
@@ -164,6 +167,11 @@ class Round:
         """Whether its run has been analysed."""
         return bool(self.verdict)
 
+    @property
+    def outcome(self) -> str:
+        """What came of the prediction, in words; "" if nothing was predicted or measured."""
+        return worded(self, "learning.outcome")
+
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
         return {
@@ -181,7 +189,7 @@ class Round:
             "chi2_reduced": self.chi2,
             "statement": self.statement,
             "promised": None if self.predicted is None else self.predicted.document(),
-            "came_out": None if self.achieved is None else self.achieved.document(),
+            "came_out": None if self.achieved is None else self.achieved.document(self.outcome),
             "answer": self.answer or None,
         }
 
@@ -209,6 +217,10 @@ class Round:
         )
 
 
+#: what there was no further round for: a diagnosis, a round, a design, its refusal, or a run
+Reason: TypeAlias = Diagnosis | Round | DesignResult | RigctlError | RunResult
+
+
 @dataclass(frozen=True)
 class Learned:
     """The result of learning.
@@ -216,7 +228,7 @@ class Learned:
     Attributes
     ----------
     rounds: in order; the last may be a proposal that was not carried out.
-    ended: why there was no further round; `statement` in words.
+    ended: why there was no further round; `because` of what.
     model: the file whose versions were saved, and `version` the last of them.
     spent: bench time, s.
     sensor: names of channels that would distinguish what is left, if the bench as it is could not.
@@ -228,9 +240,14 @@ class Learned:
     model: str
     version: int
     spent: float
-    statement: str
+    because: Reason = field(repr=False)
     sensor: tuple[str, ...] = ()
     exit_code: ExitCode = ExitCode.DONE
+
+    @property
+    def statement(self) -> str:
+        """Why there was no further round, in words."""
+        return worded(self, "learning.statement")
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -257,7 +274,7 @@ class Learned:
 
     def summary(self) -> str:
         """One line for each round, and how it ended."""
-        return "\n".join([*(f"round {one.number}: {round_text(one)}" for one in self.rounds), self.statement])
+        return worded(self, "learning.summary")
 
     def frame(self) -> pd.DataFrame:
         """The rounds, one row for each, predicted beside actual values."""
@@ -272,17 +289,6 @@ class Learned:
     def _repr_html_(self) -> str:
         """The summary and the rounds, as a notebook shows them."""
         return as_html(self.summary(), self.frame())
-
-
-def round_text(one: Round) -> str:
-    """What came out of a round, in one line."""
-    if not one.judged:
-        return "proposed, and declined" if one.answer == "no" else "not carried out"
-    named = f" ({' + '.join(one.effects)})" if one.effects else ""
-    text = f"{one.verdict.replace('_', ' ')}{named}"
-    if one.added:
-        text += f", added {', '.join(name for name, _ in one.added)}"
-    return text if one.achieved is None else f"{text}; {one.achieved.statement}"
 
 
 def _row(one: Round) -> dict[str, Any]:

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from markupsafe import Markup
 
-from rigctl.answers.blocks import Bar, Bars
-from rigctl.answers.learning import learning_answer
-from rigctl.answers.numbers import probability, words
+from rigctl.answers.learning import gain_bars, learning_answer, round_row
+from rigctl.answers.numbers import words
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time
@@ -21,7 +19,6 @@ from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
-from rigctl.units import significant
 
 #: effects that are drawn, those with the highest maximum probability first
 _DRAWN = 6
@@ -41,10 +38,10 @@ def learning_sections(learned: Learned, model: Path, named: NamedModels | None =
         "learning.html",
         learned=learned,
         good=learned.ended is LearningEnd.ADEQUATE,
-        rounds=[_shown(one) for one in learned.rounds],
+        rounds=[round_row(one) for one in learned.rounds],
         spent=clock_time(learned.spent),
         plot=None if plot is None else plot_slot(plot),
-        predictions=_predicted_and_achieved(learned),
+        predictions=page_blocks(gain_bars(learned)),
     )
     hint = "round by round: what was measured, what was predicted, what was achieved"
     drawn = () if plot is None else (plot,)
@@ -109,42 +106,3 @@ def _drawn(judged: Sequence[Round]) -> list[str]:
 
 def _course(judged: Sequence[Round], name: str) -> np.ndarray:
     return np.array([one.probabilities.get(name, 0.0) for one in judged])
-
-
-def _shown(one: Round) -> dict[str, object]:
-    """A round as a row of the table."""
-    return {
-        "number": one.number,
-        "run": one.run or ("declined" if one.answer == "no" else "not measured"),
-        "measured": "; ".join(one.predicted.records) if one.predicted else "the procedure",
-        "duration": clock_time(one.duration) if one.duration else "–",
-        "verdict": one.verdict.replace("_", " ") or "–",
-        "classes": [", ".join(map(plain_name, names)) for names in one.classes],
-        "added": ", ".join(f"{plain_name(name)} (version {version})" for name, version in one.added),
-        "chi2": one.chi2,
-        "statement": one.statement,
-        "achieved": "" if one.achieved is None else one.achieved.statement,
-    }
-
-
-def _predicted_and_achieved(learned: Learned) -> Markup:
-    """The predicted growth of the winner's margin in each designed round, beside the achieved one."""
-    shown: list[Bar] = []
-    largest = 1.0
-    for predicted, achieved in learned.predictions:
-        sizes = [*achieved.gains.values(), *achieved.expected.values(), predicted.separation]
-        largest = max(largest, *map(abs, sizes))
-    for one in learned.rounds:
-        if one.predicted is None or one.achieved is None:
-            continue
-        label = f"round {one.number}, P {probability(one.predicted.probability)}"
-        for rival, gain in one.achieved.gains.items():
-            expected = one.achieved.expected[rival]
-            against = f"{plain_name(one.achieved.winner)} over {plain_name(rival)}"
-            shown.append(Bar(label, expected / largest, significant(expected, 3), f"predicted: {against}", 7))
-            shown.append(Bar("achieved", max(gain, 0.0) / largest, significant(gain, 3), "", 0))
-    if not shown:
-        return Markup()
-    return page_blocks(
-        [Bars("Growth of the log-likelihood ratio 2·ln L: predicted and achieved", tuple(shown))]
-    )
