@@ -12,11 +12,14 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import Improvement
 from rigctl.answers import agreement, design_statement, table_findings
 from rigctl.answers import improvement as improved
+from rigctl.answers import schedule as schedules
 from rigctl.answers import survey as survey_words
 from rigctl.answers.decided_by import decisions
 from rigctl.answers.discovery import gate_statement, notes
 from rigctl.answers.evidence import sentence
+from rigctl.answers.schedule_check import check_procedure
 from rigctl.answers.verdict import doubt_text, statement
+from rigctl.compensation.result import Schedule, in_unit
 from rigctl.design.result import DesignResult, ProposedRecord
 from rigctl.discovery.result import Discovery
 from rigctl.json_values import finite_or_none
@@ -286,4 +289,30 @@ def _record_document(design: DesignResult, one: ProposedRecord) -> dict[str, Any
         "duration": one.duration,
         "recorded": one.recorded,
         "rate": one.rate,
+    }
+
+
+def schedule_document(schedule: Schedule) -> dict[str, Any]:
+    """The machine-readable answer; numbers in the stated units."""
+    return {
+        "runs": list(schedule.runs),
+        "model": schedule.model,
+        "quantity": schedule.quantity,
+        "target": in_unit(schedule.target, schedule.unit),
+        "unit": schedule.unit,
+        "vary": schedule.vary,
+        "vary_unit": schedule.vary_unit,
+        "over": schedule.over,
+        "over_unit": schedule.over_unit,
+        "rows": schedule.numbers(),
+        "fixed": in_unit(schedule.fixed, schedule.vary_unit),
+        "interpolation_error": in_unit(schedule.off, schedule.unit, interval=True),
+        "valid": [
+            {"name": name, "low": in_unit(low, unit), "high": in_unit(high, unit), "unit": unit}
+            for name, low, high, unit in schedule.valid
+        ],
+        "ends": [schedules.end_text(schedule, end) for end in schedule.ends],
+        "procedure": check_procedure(schedule),
+        "statement": schedules.statement(schedule),
+        "notes": schedules.notes(schedule),
     }

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.compensation.check_text import COMPENSATED, PAIR, TARGET
+from rigctl.compensation.check import COMPENSATED, PAIR, TARGET
 from rigctl.dataset.run import Run
 from rigctl.errors import RigctlError
 from rigctl.json_values import finite_or_none
-from rigctl.units import parse_unit, show
+from rigctl.notebook import worded
+from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
@@ -60,19 +61,8 @@ class Verdict:
 
     @property
     def statement(self) -> str:
-        """In words."""
-        error, plain = (show(one, self.unit, difference=True) for one in (self.with_it, self.without))
-        text = (
-            f"{self.quantity} was off {show(self.target, self.unit)} by {error} with the schedule and by "
-            f"{plain} without, in {self.pairs} pairs: a ratio of {self.ratio:.2f}"
-        )
-        if not math.isfinite(self.bound):
-            fewest = math.ceil(math.log2(1.0 / LEVEL))
-            why = (
-                f"so few pairs give no bound; {fewest} are the fewest" if self.pairs < fewest else "no bound"
-            )
-            return f"{text}, {why}"
-        return f"{text}, below {self.bound:.2f} with 95 % confidence"
+        """The verdict in words."""
+        return worded(self, "schedule.check_text")
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer; errors in the unit."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from rigctl.notebook import as_html, one_line
-from rigctl.units import parse_unit, show
+from rigctl.compensation.check import Check
+from rigctl.notebook import as_html, documented, one_line, worded
+from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,6 +41,25 @@ class CompensationRow:
 
 
 @dataclass(frozen=True)
+class RangeEnd:
+    """Where the rig's range is insufficient, SI.
+
+    Attributes
+    ----------
+    at: the operating points at which the schedule ends.
+    first, last: of those beyond, with the quantity that results there, `becomes`, at the end of the range.
+    bound: the set-point at the `side` of the rig's range.
+    """
+
+    at: tuple[float, ...]
+    first: float
+    last: float
+    bound: float
+    side: Literal["lowest", "highest"]
+    becomes: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Schedule:
     """A set-point over an operating variable that keeps a quantity at its target.
 
@@ -51,9 +71,9 @@ class Schedule:
     fixed: the set-point of the middle of the range, SI, used for comparison.
     off: the largest error from interpolation between two rows, SI, of the quantity.
     valid: (name, low, high, unit) ranges of the data, SI.
-    ends: where and why the schedule ends, a sentence each.
-    called: path of the procedure that makes one record.
-    procedure: text of the check by randomised records, which calls it; "" if there is none.
+    ends: where and why the schedule ends.
+    disagreement: the p-value of the model if it does not agree with the data.
+    check: by randomised records.
     """
 
     runs: tuple[str, ...]
@@ -69,67 +89,69 @@ class Schedule:
     fixed: float
     off: float
     valid: tuple[tuple[str, float, float, str], ...]
-    ends: tuple[str, ...]
-    statement: str
-    notes: tuple[str, ...] = ()
-    called: str = ""
-    procedure: str = field(default="", repr=False)
+    ends: tuple[RangeEnd, ...]
+    disagreement: float | None
+    check: Check = field(repr=False)
 
     @property
     def reached(self) -> tuple[CompensationRow, ...]:
         """The rows that the rig can set."""
         return tuple(row for row in self.rows if row.reached)
 
+    @property
+    def extrapolated(self) -> tuple[CompensationRow, ...]:
+        """The rows whose set-points lie outside of what was measured."""
+        _, low, high, _ = self.valid[1]
+        return tuple(row for row in self.reached if not low <= row.vary <= high)
+
+    @property
+    def off_if_fixed(self) -> float:
+        """The largest error of the quantity at the fixed set-point, SI."""
+        return max(abs(row.fixed - self.target) for row in self.reached)
+
+    @property
+    def scatter(self) -> float:
+        """The largest standard deviation of the quantity from record to record, SI."""
+        return max(row.scatter for row in self.reached)
+
+    @property
+    def needed(self) -> bool:
+        """Whether the error at the fixed set-point stands out of the scatter."""
+        return self.off_if_fixed >= 2.0 * self.scatter
+
+    @property
+    def statement(self) -> str:
+        """The schedule in words."""
+        return worded(self, "schedule.statement")
+
     def document(self) -> dict[str, Any]:
         """The machine-readable answer; numbers in the stated units."""
+        return documented(self, "schedule_document")
+
+    def numbers(self) -> list[dict[str, float | None]]:
+        """The rows in the units in which they are shown; None where the rig does not reach."""
         q, v, o = self.unit, self.vary_unit, self.over_unit
-        return {
-            "runs": list(self.runs),
-            "model": self.model,
-            "quantity": self.quantity,
-            "target": _in(self.target, q),
-            "unit": q,
-            "vary": self.vary,
-            "vary_unit": v,
-            "over": self.over,
-            "over_unit": o,
-            "rows": [
-                {
-                    "over": _in(row.over, o),
-                    "vary": _in(row.vary, v),
-                    "std": _in(row.std, v, interval=True),
-                    "kept": _in(row.kept, q),
-                    "scatter": _in(row.scatter, q, interval=True),
-                    "fixed": _in(row.fixed, q),
-                }
-                for row in self.rows
-            ],
-            "fixed": _in(self.fixed, v),
-            "interpolation_error": _in(self.off, q, interval=True),
-            "valid": [
-                {"name": name, "low": _in(low, unit), "high": _in(high, unit), "unit": unit}
-                for name, low, high, unit in self.valid
-            ],
-            "ends": list(self.ends),
-            "procedure": self.procedure or None,
-            "statement": self.statement,
-            "notes": list(self.notes),
-        }
+        return [
+            {
+                "over": in_unit(row.over, o),
+                "vary": in_unit(row.vary, v),
+                "std": in_unit(row.std, v, interval=True),
+                "kept": in_unit(row.kept, q),
+                "scatter": in_unit(row.scatter, q, interval=True),
+                "fixed": in_unit(row.fixed, q),
+            }
+            for row in self.rows
+        ]
 
     def summary(self) -> str:
         """The schedule in a few lines."""
-        lines = [self.statement]
-        lines += [
-            f"  {self.over} {show(row.over, self.over_unit)}: {self.vary} {show(row.vary, self.vary_unit)}"
-            for row in self.reached
-        ]
-        return "\n".join(lines)
+        return worded(self, "schedule.summary")
 
     def frame(self) -> pd.DataFrame:
         """One row for each operating point."""
         import pandas as pd
 
-        return pd.DataFrame(self.document()["rows"])
+        return pd.DataFrame(self.numbers())
 
     def __repr__(self) -> str:
         """The schedule on one line."""
@@ -140,6 +162,7 @@ class Schedule:
         return as_html(self.summary(), self.frame())
 
 
-def _in(si: float, unit: str, *, interval: bool = False) -> float | None:
+def in_unit(si: float, unit: str, *, interval: bool = False) -> float | None:
+    """A value in a unit; None for NaN."""
     value = parse_unit(unit).from_si(si, difference=interval) if math.isfinite(si) else math.nan
     return value if math.isfinite(value) else None

@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison import compare
-from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.fitting import OnProgress, no_progress
-from rigctl.compensation.check_text import procedure_text
+from rigctl.compensation.check import check_of
 from rigctl.compensation.levers import Lever, lever, levers_of, require_levers
 from rigctl.compensation.measured import TakenMeasure, Target, find_measure, require_measure
 from rigctl.compensation.prediction import Predictor
-from rigctl.compensation.result import CompensationRow, Schedule
+from rigctl.compensation.result import CompensationRow, RangeEnd, Schedule
 from rigctl.dataset.run import Run
 from rigctl.design.scheme import stage_of
 from rigctl.errors import RigctlError
@@ -30,7 +29,6 @@ from rigctl.model.measured.rigs import rig_of
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
-from rigctl.wording import chance_text
 
 Floats = NDArray[np.float64]
 
@@ -85,7 +83,7 @@ def compensate(
     predictor = _predictor(fit, rig, measure, vary, over)
     solution = _solved(predictor, target, _range(predictor.over, fit), max(rows, 2))
     valid = tuple((one.name, *_range(one, fit), one.unit) for one in (predictor.over, predictor.vary))
-    schedule = Schedule(
+    return Schedule(
         runs=tuple(run.id for run in runs),
         model=judged.name,
         quantity=target.name,
@@ -100,12 +98,9 @@ def compensate(
         off=solution.off,
         valid=valid,
         ends=tuple(_ends(solution, predictor, target)),
-        statement="",
-        notes=tuple(_notes(judged, solution, predictor, target, valid)),
-        called=measure.file.absolute().as_posix(),
+        disagreement=None if judged.adequate else judged.adequacy.p_value,
+        check=check_of(solution.rows, solution.fixed, measure, predictor, runs, seed),
     )
-    text = procedure_text(schedule, measure, predictor, runs, seed)
-    return _worded(schedule, text)
 
 
 def _require_predicted(measure: TakenMeasure, target: Target, fit: FitResult) -> None:
@@ -266,31 +261,30 @@ def _between(predictor: Predictor, at: Floats, set_points: Floats, target: Targe
     return float(np.abs(predictor.values(halfway) - target.value).max()) if halfway else 0.0
 
 
-def _ends(solution: _Solved, predictor: Predictor, target: Target) -> list[str]:
-    """Where the rig's range is insufficient, a sentence for each range of operating points, with the
-    resulting quantity."""
-    vary, over, sentences = predictor.vary, predictor.over, []
+def _ends(solution: _Solved, predictor: Predictor, target: Target) -> list[RangeEnd]:
+    """Where the rig's range is insufficient, for each range of operating points."""
+    vary, ends = predictor.vary, []
     stretch: list[int] = []
     for k, row in enumerate([*solution.rows, None]):
         if row is not None and not row.reached:
             stretch.append(k)
         elif stretch:
+            first, last = stretch[0], stretch[-1]
             off = solution.reach[stretch] - target.value
             side = int(np.argmin(np.abs(off).sum(axis=0)))
-            bound, word = ((vary.low, "lowest"), (vary.high, "highest"))[side]
-            beside = [one for one in (stretch[0] - 1, stretch[-1] + 1) if 0 <= one < len(solution.rows)]
-            ends = [_crossing(solution, one, stretch, side, target) for one in beside]
-            at = " and ".join(show(one, over.unit) for one in ends)
-            shown = [show(float(solution.reach[one, side]), target.unit) for one in (stretch[0], stretch[-1])]
-            first, last = (show(solution.rows[one].over, over.unit) for one in (stretch[0], stretch[-1]))
-            where = first if first == last else f"{first} to {last}"
-            become = shown[0] if shown[0] == shown[1] else f"{shown[0]} to {shown[1]}"
-            sentences.append(
-                f"it ends at {over.name} {at}; at {where} the rig does not go far enough: at {vary.name} "
-                f"{show(bound, vary.unit)}, its {word}, {target.name} is {become}"
+            beside = [one for one in (first - 1, last + 1) if 0 <= one < len(solution.rows)]
+            ends.append(
+                RangeEnd(
+                    at=tuple(_crossing(solution, one, stretch, side, target) for one in beside),
+                    first=solution.rows[first].over,
+                    last=solution.rows[last].over,
+                    bound=(vary.low, vary.high)[side],
+                    side="highest" if side else "lowest",
+                    becomes=(float(solution.reach[first, side]), float(solution.reach[last, side])),
+                )
             )
             stretch = []
-    return sentences
+    return ends
 
 
 def _crossing(solution: _Solved, inside: int, stretch: Sequence[int], side: int, target: Target) -> float:
@@ -300,52 +294,3 @@ def _crossing(solution: _Solved, inside: int, stretch: Sequence[int], side: int,
     a, b = (float(solution.reach[one, side]) - target.value for one in (inside, outside))
     x, y = solution.rows[inside].over, solution.rows[outside].over
     return x + (y - x) * a / (a - b) if a != b else x
-
-
-def _notes(
-    judged: ModelComparison,
-    solution: _Solved,
-    predictor: Predictor,
-    target: Target,
-    valid: Sequence[tuple[str, float, float, str]],
-) -> list[str]:
-    notes = []
-    if not judged.adequate:
-        notes.append(
-            f"{judged.name} does not agree with these data ({chance_text(judged.adequacy.p_value)}): a "
-            "schedule is as good as its model; 'rigctl diagnose' says what it lacks"
-        )
-    name, low, high, unit = valid[1]
-    beyond = [row for row in solution.rows if row.reached and not low <= row.vary <= high]
-    if beyond:
-        notes.append(
-            f"{len(beyond)} of {len(solution.rows)} set-points lie outside of what was measured, {name} "
-            f"{show(low, unit)} to {show(high, unit)}: there the model is extrapolated"
-        )
-    reached = [row for row in solution.rows if row.reached]
-    worst = max(abs(row.fixed - target.value) for row in reached)
-    scatter = max(row.scatter for row in reached)
-    if worst < 2.0 * scatter:
-        notes.append(
-            f"with {predictor.vary.name} left where it is, {target.name} would be off by no more than "
-            f"{show(worst, target.unit, difference=True)}, and records scatter by "
-            f"{show(scatter, target.unit, difference=True)}: there is little to compensate"
-        )
-    return notes
-
-
-def _worded(schedule: Schedule, text: str) -> Schedule:
-    reached = schedule.reached
-    first, last = reached[0], reached[-1]
-    off = max(abs(row.fixed - schedule.target) for row in reached)
-    statement = (
-        f"To keep {schedule.quantity} at {show(schedule.target, schedule.unit)}, set {schedule.vary} "
-        f"from {show(first.vary, schedule.vary_unit)} at {schedule.over} "
-        f"{show(first.over, schedule.over_unit)} to "
-        f"{show(last.vary, schedule.vary_unit)} at {show(last.over, schedule.over_unit)}; left at "
-        f"{show(schedule.fixed, schedule.vary_unit)} it would be off by up to "
-        f"{show(off, schedule.unit, difference=True)}"
-    )
-    if schedule.ends:
-        statement += f". {schedule.ends[0][0].upper()}{schedule.ends[0][1:]}"
-    return replace(schedule, statement=statement, procedure=text)

@@ -166,13 +166,13 @@ def _judge(chosen: list[str], *, as_json: bool) -> None:
 
 def _texts() -> dict[str, Callable[[Schedule, Path], str]]:
     """The content to write, by the extension of the file."""
-    from rigctl.compensation.check_text import beside
-    from rigctl.compensation.tables import csv_text, header_text
+    from rigctl.answers.schedule_check import check_procedure
+    from rigctl.answers.schedule_tables import csv_text, header_text
 
     return {
         ".h": lambda schedule, _: header_text(schedule),
         ".csv": lambda schedule, _: csv_text(schedule),
-        ".yaml": lambda schedule, path: beside(schedule, path.parent),
+        ".yaml": lambda schedule, path: check_procedure(schedule, path.parent),
     }
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
+from rigctl.answers.schedule import end_text
 from rigctl.compensation.result import Schedule
 from rigctl.units import show
 
@@ -13,14 +15,14 @@ def csv_text(schedule: Schedule) -> str:
     q, v, o = schedule.unit, schedule.vary_unit, schedule.over_unit
     lines = [f"{schedule.over} [{o}],{schedule.vary} [{v}],std [{v}],{schedule.quantity} [{q}],scatter [{q}]"]
     names = ("over", "vary", "std", "kept", "scatter")
-    reached = [row for row in schedule.document()["rows"] if row["vary"] is not None]
+    reached = [row for row in schedule.numbers() if row["vary"] is not None]
     lines += [",".join(f"{row[name]:.6g}" for name in names) for row in reached]
     return "\n".join(lines) + "\n"
 
 
 def header_text(schedule: Schedule) -> str:
     """A header in C: the points of the schedule, and a function that interpolates and holds at its ends."""
-    rows = [row for row in schedule.document()["rows"] if row["vary"] is not None]
+    rows = [row for row in schedule.numbers() if row["vary"] is not None]
     name = re.sub(r"\W+", "_", f"{schedule.vary}_over_{schedule.over}".casefold())
     over, vary = (", ".join(f"{row[key]:.6g}f" for row in rows) for key in ("over", "vary"))
     over, vary = (_floats(text) for text in (over, vary))
@@ -34,7 +36,7 @@ def header_text(schedule: Schedule) -> str:
         f"Standard deviation of a set-point: {show(worst, schedule.vary_unit, difference=True)} at most.",
         f"Interpolating is off by {show(schedule.off, schedule.unit, difference=True)} at most.",
         f"Measured over: {box}.",
-        *schedule.ends,
+        *map(partial(end_text, schedule), schedule.ends),
     ]
     comment = "\n".join(f" * {line}" for line in remarks)
     return f"""/*
