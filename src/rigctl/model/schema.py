@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, model_validator
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from rigctl.files.quantity import AnyQuantity
+from rigctl.physics.user.schema import QuantityOrMapping
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
@@ -25,7 +23,7 @@ class Known(_Part):
     std: AnyQuantity = Field(description="how far it is trusted: a standard deviation, with its unit")
 
 
-class Setting(_Part):
+class Setting(QuantityOrMapping):
     """A parameter's value: ``4.05 mm^2``, or ``{value: 4.05 mm^2, fit: true, std: 0.01 mm^2, from: ...}``."""
 
     value: AnyQuantity = Field(description="with its unit")
@@ -48,20 +46,6 @@ class Setting(_Part):
     source: str = Field(
         default="", alias="from", description="where the value comes from: a fit, a data sheet"
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _value_alone(cls, written: object) -> object:
-        return written if isinstance(written, Mapping | Setting) else {"value": written}
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        """A quantity alone, or the mapping."""
-        mapping = handler.resolve_ref_schema(handler(schema))
-        properties: dict[str, Any] = mapping["properties"]
-        return {"anyOf": [properties["value"], mapping]}
 
 
 def _nothing(written: object) -> object:

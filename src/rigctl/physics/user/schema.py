@@ -46,13 +46,13 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
-class _OrValue(_Part):
+class QuantityOrMapping(_Part):
     """A quantity alone, which is the `value` of the mapping."""
 
     @model_validator(mode="before")
     @classmethod
     def _value_alone(cls, written: object) -> object:
-        return written if isinstance(written, Mapping | _OrValue) else {"value": written}
+        return written if isinstance(written, Mapping | QuantityOrMapping) else {"value": written}
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -64,7 +64,7 @@ class _OrValue(_Part):
         return {"anyOf": [properties["value"], mapping]}
 
 
-class StartField(_OrValue):
+class StartField(QuantityOrMapping):
     """Where a state begins: ``20 degC``, or ``{value: 20 degC, std: 3 K}`` where records differ."""
 
     value: AnyQuantity = Field(description="with its unit")
@@ -118,7 +118,7 @@ class ParameterField(_Part):
     meaning: str = Field(default="", description="its symbol and what it stands for")
 
 
-class ConstantField(_OrValue):
+class ConstantField(QuantityOrMapping):
     """A number that no fit changes: ``9.80665 m/s^2``, or ``{value: 50 mm, meaning: bore}``."""
 
     value: AnyQuantity = Field(description="with its unit; a rig file may have its own of the same name")
