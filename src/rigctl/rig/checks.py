@@ -15,13 +15,14 @@ from rigctl.rig.constants import CONSTANTS, GEOMETRY, Constant
 from rigctl.rig.layout import RECORD, TIME
 from rigctl.rig.problem import Problem
 from rigctl.rig.protocols.client_checks import driver_problems, node_problems, register_problems
+from rigctl.rig.protocols.client_lines import client_problems
 from rigctl.rig.protocols.line_checks import line_problems
 from rigctl.rig.rig import Rig
 from rigctl.rig.stated_noise import StatedNoise
 from rigctl.units import interval_unit, parse_unit
 
-#: backends whose readings come from sensors
-_REAL = ("serial", "modbus", "visa", "opcua", "python")
+#: backends whose readings come from no sensors
+_UNREAL = ("simulated", "emulated", "replay")
 #: the sections that describe what a device is sent
 _PROTOCOLS = ("lines", "modbus", "opcua", "python")
 
@@ -67,6 +68,10 @@ def _protocol(rig: Rig) -> Iterator[Problem]:
         yield from node_problems(device.opcua, rig.channels, rig.actuators)
     if device.python is not None:
         yield from driver_problems(device.python, rig.channels, rig.actuators)
+    if device.plugin is not None:
+        written = {name: one.values for name, one in device.plugin.actuators.items()}
+        at = ("backend", "options")
+        yield from client_problems(rig.channels, rig.actuators, at, device.plugin.channels, written)
     for kind, field, what in (
         ("modbus", "modbus", "where its registers are"),
         ("opcua", "opcua", "where its nodes are"),
@@ -152,6 +157,7 @@ def _rates(rig: Rig) -> Iterator[Problem]:
     """Check that the device supports the sampling rates outside records."""
     moving = any(part.kind == "directional_valve" and part.by == "driven" for part in rig.actuators.values())
     part = next((name for name in _PROTOCOLS if getattr(rig.backend, name) is not None), "")
+    part = part or ("options" if rig.backend.plugin is not None else "")
     for name in ("monitor_rate", "moving_rate") if moving else ("monitor_rate",):
         rate = getattr(rig, name)
         if rate > rig.fastest:
@@ -468,7 +474,7 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
     if not any(limit.action == "stop" for limit in rig.limits.values()):
         yield "no limit stops a run: the rig file has no interlock"
     without = [name for name, one in rig.channels.items() if one.range is None]
-    if without and any(part.kind in _REAL for part in rig.parts.values()):
+    if without and any(part.kind not in _UNREAL for part in rig.parts.values()):
         yield (
             f"{', '.join(without)}: without a 'range' a broken wire or a garbled number counts as a reading: "
             "it says what the sensor can measure, e.g. range: [-40 degC, 150 degC]"

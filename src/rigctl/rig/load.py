@@ -37,6 +37,14 @@ def parse_rig(text: str, path: Path | None = None) -> Rig:
 
 def _build(document: Document) -> Rig:
     rig = validate(document, Rig)
+    for keys, backend in rig.backends:
+        if (reads := backend.plugin_class) is not None:
+            if "options" not in backend.model_fields_set:
+                error = RigctlError(
+                    f"nothing says what the {backend.kind} backend reads", expected="'options:'"
+                )
+                raise error.at(document.locate(keys))
+            validate(document, reads, keys=(*keys, "options"))
     found: list[RigctlError] = [
         problem.error.at(document.locate(problem.keys, of_key=problem.of_key)) for problem in problems(rig)
     ]

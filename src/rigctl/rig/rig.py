@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
@@ -31,6 +31,7 @@ from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.protocols.lines import Lines
 from rigctl.rig.protocols.modbus import Modbus
 from rigctl.rig.protocols.opcua import OpcUa
+from rigctl.rig.protocols.plugin_options import PluginOptions, options_class
 from rigctl.rig.protocols.python_driver import PythonDriver
 from rigctl.rig.rates import BOARD_RATES, FASTEST
 from rigctl.rig.roles import Roles
@@ -49,6 +50,7 @@ _Rate = Annotated[float, Q("Hz", positive=True, high=f"{FASTEST:g} Hz")]
 
 #: the kinds of devices that rigctl has itself
 _KINDS = ("simulated", "serial", "modbus", "visa", "opcua", "python", "emulated")
+_KINDS_OF_ONE = (*_KINDS, "replay")
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ class _Kind:
 class Backend(RigFilePart):
     """The connection to the bench."""
 
-    kind: Annotated[str, _Kind((*_KINDS, "replay"))] = "simulated"
+    kind: Annotated[str, _Kind(_KINDS_OF_ONE)] = "simulated"
     port: str | None = Field(
         default=None,
         description="serial port or pyserial URL, e.g. /dev/ttyACM0; host:port of Modbus; a VISA resource; opc.tcp://…",
@@ -104,9 +106,20 @@ class Backend(RigFilePart):
     python: PythonDriver | None = Field(default=None, description="a driver class of a Python package")
 
     @property
-    def client(self) -> Modbus | OpcUa | PythonDriver | None:
+    def client(self) -> Modbus | OpcUa | PythonDriver | PluginOptions | None:
         """The description of a device behind a protocol library; None for any other."""
-        return self.modbus or self.opcua or self.python
+        return self.modbus or self.opcua or self.python or self.plugin
+
+    @cached_property
+    def plugin(self) -> PluginOptions | None:
+        """The options of an installed package's backend, as its class reads them; None if it has none."""
+        reads = self.plugin_class
+        return None if reads is None else reads.model_validate(self.options)
+
+    @property
+    def plugin_class(self) -> type[PluginOptions] | None:
+        """The class that reads them."""
+        return None if self.kind in _KINDS_OF_ONE else options_class(self.kind)
 
 
 class Device(Backend):
@@ -238,6 +251,12 @@ class Rig(RigFilePart):
     def parts(self) -> Mapping[str, Rig]:
         """The rig of each device by name; of a bench with one device the rig itself, without a name."""
         return {name: _part(self, name) for name in self.devices} or {"": self}
+
+    @property
+    def backends(self) -> Sequence[tuple[tuple[str, ...], Backend]]:
+        """How its one device, or each of several, is reached, and where the file says so."""
+        several = [(("devices", name), one) for name, one in self.devices.items()]
+        return several or [(("backend",), self.backend)]
 
     @property
     def undivided(self) -> Rig:

@@ -14,6 +14,7 @@ from ipaddress import IPv6Address, ip_address
 from urllib.parse import urlsplit
 
 _MODBUS_PORT, _OPCUA_PORT = 502, 4840  # the standard ports
+_OURS = ("serial", "modbus", "visa", "opcua", "python", "emulated")
 _VISA_SOCKET = re.compile(r"TCPIP\d*::(?P<host>[^:]+|\[.+\])::(?P<port>\d+)::SOCKET", re.IGNORECASE)
 _VISA_SERIAL = re.compile(r"ASRL(?P<device>.+?)(::INSTR)?", re.IGNORECASE)
 
@@ -23,7 +24,7 @@ def address_key(kind: str, url: str) -> str:
 
     Parameters
     ----------
-    kind: as of an `Address`: ``serial``, ``modbus``, ``visa``, ``opcua`` or ``python``.
+    kind: as of an `Address`: ``serial``, ``modbus``, ``visa``, ``opcua``, ``python`` or that of a plug-in.
     url: the address as it was given.
     """
     url = url.strip()
@@ -33,6 +34,9 @@ def address_key(kind: str, url: str) -> str:
         return _opcua(url)
     if kind == "modbus" and (found := modbus_tcp_address(url)) is not None:
         return _tcp(*found)
+    if kind not in _OURS and "://" not in url and not _is_device(url):
+        where = modbus_tcp_address(url)
+        return f"{kind} {url}" if where is None else f"{kind} {_host(where[0])} {where[1]}"
     return _serial(url)
 
 
@@ -105,6 +109,11 @@ def _serial(url: str) -> str:
     if sys.platform == "win32":
         return f"port {url.removeprefix(chr(92) * 2 + '.' + chr(92)).upper()}"
     return f"port {os.path.realpath(url)}"
+
+
+def _is_device(url: str) -> bool:
+    """Return whether an address is a serial port of this computer, by its name."""
+    return url.startswith("/") or re.fullmatch(r"(\\\\\.\\)?COM\d+", url, re.IGNORECASE) is not None
 
 
 def _visa(name: str) -> str:

@@ -131,6 +131,9 @@ def _ask_device(name: str, rig: Rig, url: str | None) -> tuple[list[Finding], di
             return [Finding(name, "ok", f"{rig.kind}: it exists only while it is used")], {"kind": rig.kind}
         address = address_of(rig, url)
         document |= {"port": address.url}
+        if rig.lines is None and "baud" not in address.settings:  # a plug-in that says not what it is asked
+            known = f"{rig.name}: reached by the plug-in '{rig.kind}', which 'rigctl monitor' reads"
+            return [Finding(address.url, "ok", known)], document
         if rig.lines is None:
             finding, answer = ask_port(address.url, address.settings["baud"])
             return [finding], {**document, **answer}
