@@ -19,8 +19,8 @@ test:
 check: lint types imports
 
 lint: $(VENV)/.installed-dev
-	$(BIN)/ruff check src rigctl-validation tests benchmarks
-	$(BIN)/ruff format --check src rigctl-validation tests benchmarks
+	$(BIN)/ruff check src rigctl-validation examples tests benchmarks
+	$(BIN)/ruff format --check src rigctl-validation examples tests benchmarks
 
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy
@@ -34,9 +34,9 @@ unit: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # Debian packages that the tests use: a browser to open the report in, an emulator of the board's microcontroller
-# and the compiler for its program. Elsewhere: install Chromium, simavr and avr-gcc by hand.
+# and the compiler for its program, an MQTT broker. Elsewhere: install Chromium, simavr, avr-gcc, Mosquitto by hand.
 system:
-	sh tools/install-system-packages chromium libsimavr2 gcc-avr binutils-avr avr-libc
+	sh tools/install-system-packages chromium libsimavr2 gcc-avr binutils-avr avr-libc mosquitto
 
 bench: $(VENV)/.installed
 	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --constraint constraints.txt --editable '.[benchmarks]' --editable ./rigctl-validation
@@ -105,17 +105,19 @@ $(VENV)/.installed: pyproject.toml rigctl-validation/pyproject.toml constraints.
 	$(BIN)/pip install --progress-bar on --constraint constraints.txt --editable . --editable ./rigctl-validation
 	touch $@
 
+# The plug-ins that show how to write one are installed as a user's would be.
+EXAMPLES := $(wildcard examples/plugins/rigctl-*)
 # The tests import a small part of what is installed, and Python compiles that by itself; all of it would take most
 # of the installation.
-$(VENV)/.installed-dev: pyproject.toml rigctl-validation/pyproject.toml constraints.txt | $(BIN)/python
-	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]' --editable ./rigctl-validation
+$(VENV)/.installed-dev: pyproject.toml rigctl-validation/pyproject.toml $(EXAMPLES:%=%/pyproject.toml) constraints.txt | $(BIN)/python
+	HATCH_BUILD_NO_HOOKS=true $(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]' --editable ./rigctl-validation $(EXAMPLES:%=--editable ./%)
 	touch $@ $(VENV)/.installed
 
 # The newest versions that pyproject.toml allows, tried in an environment of their own, become the named ones.
 constraints:
 	rm -rf build/newest && $(PYTHON) -m venv build/newest
 	build/newest/bin/python -m pip install --quiet --upgrade pip
-	HATCH_BUILD_NO_HOOKS=true build/newest/bin/pip install --quiet --editable '.[dev,benchmarks]' --editable ./rigctl-validation
+	HATCH_BUILD_NO_HOOKS=true build/newest/bin/pip install --quiet --editable '.[dev,benchmarks]' --editable ./rigctl-validation $(EXAMPLES:%=--editable ./%)
 	(sed -n '/^#/p' constraints.txt && build/newest/bin/pip freeze --all --exclude-editable) > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 

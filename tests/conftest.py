@@ -62,6 +62,7 @@ WAITING = (
     "cli/test_off.py",
     "faults/test_lost_answers.py",
     "dataset/test_kill.py",
+    "plugins/test_examples.py",
 )
 
 #: files that compute longest, roughly the longest first: they start at once, so that no worker is left with

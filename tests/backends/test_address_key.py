@@ -32,10 +32,22 @@ from systems import needs_posix
         ("visa", ["GPIB0::9::INSTR", "GPIB::9", "gpib0::09::instr"]),
         ("opcua", ["opc.tcp://localhost:4840", "opc.tcp://127.0.0.1", "opc.tcp://LOCALHOST:4840/"]),
         ("opcua", ["opc.tcp://10.0.0.2:4840/plant/", "OPC.TCP://10.0.0.2/plant"]),
+        ("epics", ["localhost:5064", "127.0.0.1:5064"]),
     ],
 )
 def test_the_spellings_of_one_address_have_one_key(kind: str, spellings: list[str]) -> None:
     assert len({address_key(kind, text) for text in spellings}) == 1
+
+
+def test_the_key_of_a_plugin_s_device_does_not_depend_on_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = [address_key("canbus", url) for url in ("socketcan:can0", "bench-7", "10.0.0.2:5064")]
+    monkeypatch.chdir(tmp_path)
+    assert [address_key("canbus", url) for url in ("socketcan:can0", "bench-7", "10.0.0.2:5064")] == before
+    assert len({*before, address_key("other", "bench-7")}) == 4
+    for url in ("COM7", "rfc2217://localhost:2217"):  # the port itself is what is shared
+        assert address_key("canbus", url) == address_key("serial", url)
 
 
 def test_different_devices_have_different_keys() -> None:

@@ -38,7 +38,7 @@ class Ioc(PVGroup):
     @fan.putter
     async def fan(self, instance: Any, value: float) -> None:
         OVEN.set("fan", float(value))
-        await self.fan_state.write(value)
+        await self.fan_state.write(OVEN.outputs["fan"])
 
     @label.startup
     async def label(self, instance: Any, async_lib: Any) -> None:

@@ -21,7 +21,6 @@ def publish(client: Client, name: str) -> None:
 def connected(client: Client, _data: object, _flags: object, _reason: object, _more: object) -> None:
     client.subscribe([(topic, 1) for topic in OUTPUTS])
     client.publish("oven/status", "online", qos=1, retain=True)
-    client.publish("oven/label", "an oven", qos=1, retain=True)
     for name in OVEN.outputs:
         publish(client, name)
 
@@ -42,6 +41,7 @@ def main() -> None:
     OVEN.ready()
     while True:
         client.publish("oven/temperature", f"{OVEN.temperature:.3f}")
+        client.publish("oven/label", "an oven")
         time.sleep(0.02)
 
 

@@ -1,7 +1,7 @@
 """An oven with a heater and a fan, for devices in processes of their own: no part of rigctl is in it.
 
-A device prints ``NAME VALUE`` when an output is set, and ``said N`` in answer to a line, so that whoever sent the
-line knows that nothing is still under way. It ends with its standard input.
+A device prints ``NAME VALUE`` when an output is set, and ``said N`` in answer to a line, so that whoever sent
+the line knows that nothing is still under way. It ends with its standard input.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ class Oven:
 
     lag = 2.0  # s
     room = 20.0  # degC
+    most = 80.0  # %, of its fan, whatever it is told
 
     def __init__(self) -> None:
         self.outputs = {"heater": float("--on" in sys.argv), "fan": 0.0}
@@ -40,6 +41,7 @@ class Oven:
 
     def set(self, output: str, value: float) -> None:
         _ = self.temperature
+        value = min(value, self.most)
         self.outputs[output] = value
         print(output, value, flush=True)
 

@@ -20,10 +20,21 @@ from rigctl.testing.contract import BackendContract, Subject
 from systems import needs_package
 
 KINDS = [pytest.param(kind, marks=needs_package(f"rigctl_{kind}")) for kind in ("epics", "mqtt")]
-#: what a rig file calls the heater's output, and something there that holds no number
-HEATER = {"epics": "OVEN:HEATER", "mqtt": "oven/heater/set"}
-TEMPERATURE = {"epics": "OVEN:TEMPERATURE", "mqtt": "oven/temperature"}
-LABEL = {"epics": "OVEN:LABEL", "mqtt": "oven/label"}
+#: changes of the rig file, and what is said about each
+WRONG = {
+    "epics": [
+        ("OVEN:TEMPERATURE", "OVEN:TEMPERATUR", "no server has OVEN:TEMPERATUR, the others are there"),
+        ("OVEN:TEMPERATURE", "OVEN:LABEL", "OVEN:LABEL holds 7 CHAR, not a number"),
+    ],
+    "mqtt": [
+        ("oven/temperature", "oven/temperatur", "nothing is published on 'oven/temperatur'"),
+        ("oven/temperature", "oven/label", "'oven/label' says 'an oven', which is no number"),
+    ],
+}
+ABSENT = {"epics": "no EPICS server answers", "mqtt": "no MQTT broker answers"}
+LOST = {"epics": "the EPICS server", "mqtt": "'oven/status' says 'offline'"}
+#: what is said where the fan does not do what it is told
+OTHERWISE = {"epics": "fan", "mqtt": "error oven/fan says '80' after"}
 
 
 @pytest.fixture(params=KINDS)
@@ -72,3 +83,59 @@ def test_doctor_reads_it_and_a_run_drives_it(stand: Stand) -> None:
     code, out, _ = own_process.rigctl(stand.folder, "runs", "show", "latest")
     assert code == 0
     assert re.search(rf"bench +kind {stand.kind}, name oven, port {re.escape(stand.port)}", out)
+
+
+def trouble(stand: Stand) -> str:
+    """What `doctor` says of the device that it cannot read; nothing else is wrong."""
+    code, out, err = own_process.rigctl(stand.folder, "doctor", "--rig", "oven.yaml", "--json")
+    assert code == 1, err
+    (broken,) = [one for one in json.loads(out)["findings"] if one["state"] == "broken"]
+    return str(broken["detail"])
+
+
+def test_what_is_not_there_is_said_by_name(stand: Stand) -> None:
+    stand.change(r"    timeout: .*", "    timeout: 1 s\n    wake: 10 s")
+    good = stand.rig.read_text("utf-8")
+    for old, new, said in WRONG[stand.kind]:
+        assert good.count(old) == 1
+        stand.rig.write_text(good.replace(old, new), encoding="utf-8")
+        assert said in trouble(stand)
+    stand.rig.write_text(good, encoding="utf-8")
+    stand.change("    channels: {", "    chanels: {")
+    code, _, err = own_process.rigctl(stand.folder, "check", "step.yaml")
+    assert code == 2
+    assert re.search(r"oven.yaml:\d+:5: unknown field, got 'chanels'; did you mean 'channels'", err)
+    stand.rig.write_text(good.replace("{temperature: ", "{temperatur: "), encoding="utf-8")
+    code, _, err = own_process.rigctl(stand.folder, "check", "step.yaml")
+    assert code == 2
+    assert "unknown channel, got 'temperatur'; did you mean 'temperature'" in err
+
+
+def test_no_server_is_one_message(stand: Stand) -> None:
+    stand.change(r"    timeout: .*", "    timeout: 1 s\n    wake: 10 s")
+    stand.close()
+    assert ABSENT[stand.kind] in trouble(stand)
+
+
+def test_a_device_that_ends_ends_the_run_and_its_guard_makes_safe_what_comes_back(stand: Stand) -> None:
+    run = own_process.begin(stand.folder, "run", "step.yaml", "--json")
+    stand.device.wait_for("heater", 1.0)
+    stand.device.kill()
+    out, err = run.communicate(timeout=600)
+    assert run.returncode == 1, err
+    answer = json.loads(out)
+    assert answer["status"] == "failed"
+    assert "heater on" in answer["unconfirmed"]
+    assert LOST[stand.kind] in answer["reason"]
+    stand.device = stand.start("--on")
+    stand.device.wait_for("heater", 0.0)
+
+
+def test_an_output_that_does_something_else_ends_the_run(stand: Stand) -> None:
+    stand.be_patient()
+    steps = stand.folder / "step.yaml"
+    steps.write_text(steps.read_text("utf-8").replace("fan: 50 %", "fan: 100 %"), encoding="utf-8")
+    code, out, err = own_process.rigctl(stand.folder, "run", "step.yaml", "--json")
+    assert code == 1, err
+    assert OTHERWISE[stand.kind] in json.loads(out)["reason"]
+    assert stand.device.outputs == {"heater": 0.0, "fan": 0.0}

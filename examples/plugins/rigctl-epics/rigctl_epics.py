@@ -9,6 +9,7 @@ import logging
 import os
 import time
 from collections.abc import Mapping
+from threading import Thread
 from typing import Any
 
 from pydantic import Field
@@ -26,6 +27,8 @@ from rigctl.rig import Rig
 from rigctl.rig.protocols.plugin_options import PluginOptions, PluginOutput
 
 _INVALID = 3  # the alarm severity of a value that is none
+_ENDS_WITHIN = 0.2  # s
+_KNOWN_AFTER = 0.8  # of `wake`, after which it waits no longer: rigctl, which does, is to know the reason
 
 
 class Output(PluginOutput):
@@ -44,16 +47,15 @@ class Options(PluginOptions):
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
     """Make the bench, not yet open."""
-    assert rig.lines is not None  # made of `Options`
-    return line_bench(rig, rig.lines, clock, address_of(rig, options))
+    lines = Options.of(rig.backend.plugin).in_lines(rig.actuators)
+    return line_bench(rig, lines, clock, address_of(rig, options))
 
 
 def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
     """Return where the server is; the lock is on this address, and the guard opens it too."""
     refuse_unknown("option of the epics backend", options, ("port", *Options.model_fields))
     port = read_port(rig, options, "where is the EPICS server?", "e.g. '--port 192.168.0.30:5064'")
-    assert isinstance(rig.backend.plugin, Options)
-    return Address("epics", port, rig.backend.plugin.model_dump())
+    return Address("epics", port, Options.of(rig.backend.plugin).model_dump())
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
@@ -87,7 +89,7 @@ class EpicsClient:
             wanted = list(dict.fromkeys([*(variable for variable, _ in self._read), *self._set.values()]))
             found = self._context.get_pvs(*wanted)
             self._variables: dict[str, Any] = dict(zip(wanted, found, strict=True))
-            self._check(time.monotonic() + float(settings["wake"]))
+            self._check(time.monotonic() + _KNOWN_AFTER * float(settings["wake"]))
         except BaseException:
             self.close()
             raise
@@ -107,12 +109,14 @@ class EpicsClient:
             return f"error {' '.join(str(refused).split())}"
         except TimeoutError:
             return None
-        except (CaprotoError, OSError) as error:
-            raise PortLost(f"{self._name}: {error}") from None
+        except (CaprotoError, OSError, KeyError):  # KeyError: how caproto's read ends with its server
+            raise PortLost(f"{self._name}: the EPICS server is gone") from None
 
     def close(self) -> None:
-        """End the connection."""
-        self._context.disconnect()
+        """End the connection, without waiting for a search for missing names, which sleeps up to 5 s."""
+        ending = Thread(target=self._context.disconnect, daemon=True)
+        ending.start()
+        ending.join(_ENDS_WITHIN)
 
     def _check(self, until: float) -> None:
         """Wait for all process variables, and check that each holds a number."""
@@ -149,7 +153,11 @@ class EpicsClient:
 
     def _write(self, actuator: str, text: str) -> str:
         """Write a number, and wait until the server has processed it."""
+        from caproto import AccessRights
+
         variable = self._connected(self._set[actuator])
+        if not variable.access_rights & AccessRights.WRITE:
+            return f"error {variable.name} can only be read"
         number = float(text)
         whole = variable.channel.native_data_type.name not in ("FLOAT", "DOUBLE")
         status = variable.write([round(number) if whole else number]).status

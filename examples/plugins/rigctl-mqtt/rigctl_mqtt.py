@@ -1,8 +1,8 @@
 """MQTT topics as channels and actuators, through paho-mqtt.
 
 `rigctl` makes a whole bench of the client below: polling, read-back, loss and return of the device, a guard.
-A broker acknowledges what it has received, not what a device has done. A command therefore counts only once the
-device has published the new state.
+A broker acknowledges what it has received, not what a device has done. A command therefore counts only once
+the device has published the new state.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from rigctl.files.quantity import Q
 from rigctl.rig import Rig
 from rigctl.rig.base import RigFilePart
 from rigctl.rig.protocols.plugin_options import PluginOptions, PluginOutput
+
+_KNOWN_AFTER = 0.8  # of `wake`, after which it waits no longer: rigctl, which does, is to know the reason
 
 
 class Output(PluginOutput):
@@ -56,16 +58,15 @@ class Options(PluginOptions):
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
     """Make the bench, not yet open."""
-    assert rig.lines is not None  # made of `Options`
-    return line_bench(rig, rig.lines, clock, address_of(rig, options))
+    lines = Options.of(rig.backend.plugin).in_lines(rig.actuators)
+    return line_bench(rig, lines, clock, address_of(rig, options))
 
 
 def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
     """Return where the broker is; the lock is on this address, and the guard opens it too."""
     refuse_unknown("option of the mqtt backend", options, ("port", *Options.model_fields))
     port = read_port(rig, options, "where is the MQTT broker?", "e.g. '--port 192.168.0.40:1883'")
-    assert isinstance(rig.backend.plugin, Options)
-    return Address("mqtt", port, rig.backend.plugin.model_dump())
+    return Address("mqtt", port, Options.of(rig.backend.plugin).model_dump())
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
@@ -83,7 +84,8 @@ class MqttClient:
     """
 
     def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
-        from paho.mqtt.client import CallbackAPIVersion, Client
+        from paho.mqtt.client import Client
+        from paho.mqtt.enums import CallbackAPIVersion
 
         self._name = url
         self._timeout = float(settings["timeout"])
@@ -106,7 +108,7 @@ class MqttClient:
             raise PortLost(f"{url}: no MQTT broker answers: {error}") from None
         self._client.loop_start()
         try:
-            self._check(float(settings["wake"]))
+            self._check(_KNOWN_AFTER * float(settings["wake"]))
         except BaseException:
             self.close()
             raise
@@ -188,7 +190,9 @@ class MqttClient:
         if self._online is not None and self._online["topic"] in self._newest:
             _, said = self._newest[self._online["topic"]]
             if said != self._online["equals"]:
-                raise PortLost(f"{self._name}: the device is not there, {self._online['topic']!r} says {said!r}")
+                raise PortLost(
+                    f"{self._name}: the device is not there, {self._online['topic']!r} says {said!r}"
+                )
 
     # --- called in the library's thread -------------------------------------------------------------------
 

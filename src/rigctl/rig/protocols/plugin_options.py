@@ -7,10 +7,11 @@ file with it, with the same checks and messages as for the sections of its own p
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field
 
+from rigctl.errors import RigctlError
 from rigctl.files.quantity import Q
 from rigctl.plugins import BACKENDS, load_plugin
 from rigctl.rig.actuator import Actuator
@@ -46,6 +47,19 @@ class PluginOptions(RigFilePart):
         default_factory=dict, description="what sets each driven actuator"
     )
     watchdog: Watchdog = 3.0
+
+    @classmethod
+    def of(cls, given: PluginOptions | None) -> Self:
+        """Return the options of a rig file, ``rig.backend.plugin``, as those of this backend.
+
+        Raises
+        ------
+        RigctlError
+            the file is for another kind of backend.
+        """
+        if not isinstance(given, cls):
+            raise RigctlError("the rig file has no options for this backend", expected="'kind' and 'options'")
+        return given
 
     @property
     def heartbeat(self) -> Beating | None:
