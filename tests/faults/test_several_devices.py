@@ -326,3 +326,154 @@ def test_a_record_faster_than_a_device_answers_is_refused(devices: SeveralDevice
     devices.servers["meter"].delay = 0.2
     done = run(devices, "fast.yaml")
     assert "device 'meter' can deliver" in json.loads(done.stdout)["reason"]
+
+
+SHORT = """\
+procedure: short
+rig: rig.yaml
+steps:
+  - set: {heater: on, cooler: on, relief_valve: 30 bar}
+  - wait: 4 s
+"""
+
+
+def with_policy(folder: Path, device: str, policy: str, *changes: tuple[str, str]) -> None:
+    kind = {"controller": "modbus", "plant": "opcua", "meter": "visa"}[device]
+    write_rig(
+        folder,
+        (f"  {device}:\n    kind: {kind}\n", f"  {device}:\n    kind: {kind}\n    {policy}\n"),
+        ("stale_after: 60 s", "stale_after: 4 s"),
+        *changes,
+    )
+
+
+@pytest.mark.parametrize("lost", ["controller", "plant", "meter"])
+def test_a_run_waits_for_a_device_and_goes_on_once_it_is_back(
+    lost: str, devices: SeveralDevices, project: Path
+) -> None:
+    with_policy(project, lost, "lost: pause\n    back_within: 60 s")
+    (project / "short.yaml").write_text(SHORT, encoding="utf-8")
+    server = devices.servers[lost]
+    output = {"controller": "heater", "plant": "relief_valve", "meter": "cooler"}[lost]
+
+    def lose() -> None:
+        server.mute = True
+        while any(value for name, value in devices.circuit.outputs.items() if name != output):
+            time.sleep(0.01)  # the others are off while it is still silent
+        server.mute = False
+
+    with Meanwhile(lambda: all_on(devices), lose):
+        done = run(devices, "short.yaml")
+    document = json.loads(done.stdout)
+    assert document["status"] == "finished", done.output
+    assert document["unconfirmed"] is None
+    assert devices.circuit.off
+    switched = [(name, value > 0.0) for _, name, value in devices.circuit.switched]
+    assert {name: [on for one, on in switched if one == name] for name in devices.circuit.outputs} == {
+        name: [True, False, True, False] for name in devices.circuit.outputs
+    }
+    (absence,) = measured().info["absences"]
+    assert (absence["device"], absence["lost"]) == (lost, "pause")
+    assert absence["end"] > absence["begin"]
+    events = measured().events
+    states = list(events["message"][events["kind"] == "state"])
+    assert states[2:4] == ["running → paused", "paused → running"]
+    page = project / "page.html"
+    assert call("report", "latest", "-o", str(page)).exit_code == 0
+    assert f"{lost}: gone from" in page.read_text(encoding="utf-8")
+
+
+def test_a_run_waits_no_longer_than_the_rig_file_says(devices: SeveralDevices, project: Path) -> None:
+    with_policy(project, "plant", "lost: pause\n    back_within: 1 s")
+    server = devices.servers["plant"]
+    try:
+        with Meanwhile(lambda: all_on(devices), server.stop):
+            done = run(devices, "endless.yaml")
+        document = json.loads(done.stdout)
+        assert done.exit_code == ExitCode.FAILED
+        assert "it did not come back within 1 s" in document["reason"]
+        assert document["unconfirmed"] == "plant: relief_valve 30 bar"
+        on = {name for name, value in devices.circuit.outputs.items() if value}
+        assert on == {"relief_valve"}
+    finally:
+        server.start()
+    assert call("off", "--rig", "rig.yaml", *devices.options).exit_code == 0
+    assert devices.circuit.off
+
+
+#: a meter that only measures
+METER = (
+    ('        - {send: "ROUT:CLOS? (@201)", reply: "{cooler}", every: 0.5 s}\n', ""),
+    (
+        """\
+      actuators:
+        cooler:
+          send: "ROUT:{value} (@201);*OPC?"
+          reply: "1"
+          words: {off: "OPEN", on: "CLOS"}
+          answers: {off: "0", on: "1"}
+      confirm: {send: "SYST:ERR?", reply: "+0,{_}"}
+""",
+        "",
+    ),
+    ("  cooler: {device: meter, kind: switch, description: water valve of the oil cooler}\n", ""),
+    (", cooler: off}", "}"),
+)
+
+
+@pytest.mark.parametrize("returns", [False, True])
+def test_a_run_goes_on_without_a_device_that_nothing_needs(
+    returns: bool, devices: SeveralDevices, project: Path
+) -> None:
+    with_policy(project, "meter", "lost: continue", *METER)
+    (project / "short.yaml").write_text(
+        "procedure: short\nrig: rig.yaml\nsteps:\n  - set: {heater: on}\n"
+        "  - record: {name: r, rate: 10 Hz}\n    do: [wait: 14 s]\n",
+        encoding="utf-8",
+    )
+    server = devices.servers["meter"]
+
+    def lose() -> None:
+        time.sleep(2.0)
+        server.mute = True
+        if returns:
+            time.sleep(7.0)
+            server.mute = False
+
+    with Meanwhile(lambda: devices.circuit.outputs["heater"], lose):
+        done = run(devices, "short.yaml")
+    server.mute = False
+    document = json.loads(done.stdout)
+    assert document["status"] == "finished", done.output
+    assert devices.circuit.off
+    known = measured()
+    (absence,) = known.info["absences"]
+    assert (absence["device"], absence["lost"], absence["end"] is not None) == ("meter", "continue", returns)
+    record = known.record(0)
+    assert record.outcome == "complete"
+    assert np.isfinite(record.channels["oil_temperature"]).sum() > 100
+    last = record.time[np.isfinite(record.channels["line_temperature"])].max()
+    assert bool(last > absence["begin"]) is returns
+
+
+def test_what_needs_a_device_is_named_before_anything_moves(devices: SeveralDevices, project: Path) -> None:
+    with_policy(project, "meter", "lost: continue")
+    assert "a run cannot go on without 'meter': safe_state needs cooler" in refusal("check", "rig.yaml")
+    with_policy(project, "meter", "lost: continue", *METER)
+    assert call("check", "rig.yaml").exit_code == 0
+    (project / "needs.yaml").write_text(
+        "procedure: needs\nrig: rig.yaml\nsteps:\n"
+        "  - wait: {until: line_temperature > 10 degC, timeout: 9 s}\n"
+        "  - record: {name: r, rate: 10 Hz}\n    do:\n      - wait: 1 s\n"
+        "      - measure: {name: m, value: mean(line_temperature), unit: degC}\n"
+        "  - if: line_temperature > 90 degC\n    do: [wait: 1 s]\n",
+        encoding="utf-8",
+    )
+    for command in ("check", "run"):
+        options = (*devices.options, "--answer-in-browser") if command == "run" else ()
+        said = refusal(command, "needs.yaml", *options)
+        assert "needs.yaml:4:5: the rig file says 'lost: continue' for 'meter', and steps need it" in said
+        assert "(line 4) needs line_temperature" in said
+        assert "(line 8) needs line_temperature" in said
+        assert "(line 9) needs line_temperature" in said
+    assert not devices.circuit.switched

@@ -40,7 +40,17 @@ limits:
         ("devices:", "backend: {kind: serial}\ndevices:", "one backend or several devices"),
         ("kind: serial", "kind: replay", "3:15: kind: unknown kind of backend, got 'replay'"),
         ("kind: serial, ", "", "3:8: the field 'kind' is missing"),
-        ("port: 10.0.0.7", "port: 10.0.0.7, lost: continue", "lost: a run cannot go on without a device yet"),
+        (
+            "port: 10.0.0.7",
+            "port: 10.0.0.7, lost: continue",
+            "4:48: lost: a run cannot go on without 'supply': limit 'high' needs b, got 'continue'; "
+            "expected stop or pause",
+        ),
+        (
+            "port: 10.0.0.7",
+            "port: 10.0.0.7, back_within: 9 s",
+            "a run only waits with 'lost: pause', not 'stop'",
+        ),
         ("b: {table", "c: {table", "4:62: unknown channel, got 'c'"),
         ("kind: modbus", "kind: opcua", "4:11: nothing says where its nodes are"),
         ("address: 0", "address: 0, count: 1", "4:92: unknown field, got 'count'"),

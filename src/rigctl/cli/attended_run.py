@@ -103,6 +103,7 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
 def _tell_end(result: RunResult, *, as_json: bool) -> None:
     from rigctl.cli.nonblocking_output import finish_display
     from rigctl.cli.views.measures import show_measures
+    from rigctl.dataset.history import absences_in
 
     finish_display()
     if result.unconfirmed is not None:  # before anything that takes time, or may fail
@@ -136,6 +137,8 @@ def _tell_end(result: RunResult, *, as_json: bool) -> None:
                 show_measures(run)
         if test is not None and test.measures:
             _report_test(test)
+        if run is not None and (absences := absences_in(run.info)):
+            echo(f"  note: lost devices: {absences}")
         for sentence in stuck:
             echo(f"  note: {sentence}")
 

@@ -80,6 +80,19 @@ class Session:
 
 
 @dataclass
+class Absence:
+    """A time in which a run waited for a lost device (`lost` is ``pause``), or did without it (``continue``).
+
+    `begin` is when that was noticed, `end` when the device was back, s of the run; None if it stayed away.
+    """
+
+    device: str
+    lost: str
+    begin: float
+    end: float | None = None
+
+
+@dataclass
 class History:
     """The parsed log of a run."""
 
@@ -89,6 +102,7 @@ class History:
     measures: dict[str, MeasuredValue] = field(default_factory=dict)  #: outside any record
     taken: list[TakenMeasure] = field(default_factory=list)  #: every one, in the order of time
     events: list[EventEntry] = field(default_factory=list)
+    absences: list[Absence] = field(default_factory=list)
     last_time: float = 0.0
     damaged_lines: tuple[int, ...] = ()  #: line numbers in the log, from 1; their content is lost
 
@@ -106,6 +120,16 @@ class History:
     def unconfirmed(self) -> str | None:
         """The outputs that may still have been on when the last session ended."""
         return self.sessions[-1].unconfirmed if self.sessions else None
+
+
+def absences_in(info: Mapping[str, Any]) -> str:
+    """The absences of a run's ``run.json`` in words: ``meter: gone from 12.3 s on (the run went on)``."""
+    ways = {"pause": "the run waited", "continue": "the run went on"}
+    return "; ".join(
+        f"{one['device']}: gone from {one['begin']:.1f} s "
+        f"{'on' if one['end'] is None else 'to {:.1f} s'.format(one['end'])} ({ways.get(one['lost'], '')})"
+        for one in info.get("absences") or ()
+    )
 
 
 def read_history(folder: Path) -> History:
@@ -183,10 +207,19 @@ class _Reader:
         elif kind == "measure":
             self._add_unlogged(line["record"] + 1, time)
             self._add_measure(line, time)
+        elif "lost" in line and kind == "gap":
+            self._history.absences.append(Absence(line["device"], line["lost"], time))
+        elif "back" in line and kind == "note":
+            self._end_absence(line["back"], time)
         elif kind == "end":
             session = self._history.sessions[-1]
             session.ended, session.status, session.reason = time, line["status"], line["reason"]
             session.unconfirmed = line.get("unconfirmed")
+
+    def _end_absence(self, device: str, time: float) -> None:
+        for absence in self._history.absences:
+            if absence.device == device and absence.end is None:
+                absence.end = time
 
     def _open_record(self, line: Mapping[str, Any], time: float) -> None:
         sweep = {name: (_number(value), unit) for name, (value, unit) in line["sweep"].items()}

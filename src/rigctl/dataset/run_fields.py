@@ -153,6 +153,7 @@ _MEASURE: Final = _object(
 _ANNOTATION: Final = _object(
     dict.fromkeys(("when", "by", "kind", "text"), _text), {"record": _or_none(_count)}, only=True
 )
+_ABSENCE: Final = _object({"device": _text, "lost": _text, "begin": _number, "end": _or_none(_number)}, {})
 _CALIBRATION: Final = _object({}, {"coefficients": _or_none(_each(_number))})
 _REQUIRED: Final = ("id", "status", "procedure", "rig", "layout", "started")
 
@@ -170,6 +171,12 @@ FIELDS: Final[Mapping[str, Field]] = {
         _or_none(_text),
         "outputs that may still have been on at the end, since the bench did not confirm that they were off",
         (Column("unconfirmed", "VARCHAR"),),
+    ),
+    "absences": Field(
+        _each(_ABSENCE),
+        "of several devices those that were lost while the run paused for them or went on without them: "
+        "`device`, `lost` (`pause` or `continue`), `begin` and `end` in s, null if it did not come back; "
+        "absent without any",
     ),
     "procedure": Field(
         _SOURCE,

@@ -80,3 +80,7 @@ class SamplesLost(Ending):
     """Samples were lost during a record, which is therefore incomplete."""
 
     outcome = Outcome.INTERRUPTED
+
+
+class DeviceBack(SamplesLost):
+    """A device was lost during a record, and is back: the record is measured again."""

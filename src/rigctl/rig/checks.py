@@ -99,17 +99,38 @@ def _devices(rig: Rig) -> Iterator[Problem]:
     if rig.backend.model_fields_set:
         error = RigctlError("a rig has one backend or several devices", value="both", expected="one of them")
         yield Problem(("backend",), error, of_key=True)
-    for name, device in rig.devices.items():
-        if device.lost != "stop":
-            error = RigctlError(
-                "lost: a run cannot go on without a device yet", value=device.lost, expected="stop"
-            )
-            yield Problem(("devices", name, "lost"), error)
+    yield from _lost(rig)
     yield from _addresses(rig)
     strays = list(_members(rig))
     yield from strays
     if not strays:  # otherwise it is not known what the protocols have to describe
         yield from _protocols(rig)
+
+
+def _lost(rig: Rig) -> Iterator[Problem]:
+    """Refuse to go on without a device on which the safety of the bench depends, or to wait in vain."""
+    for name, device in rig.devices.items():
+        if "back_within" in device.model_fields_set and device.lost != "pause":
+            error = RigctlError(f"back_within: a run only waits with 'lost: pause', not '{device.lost}'")
+            yield Problem(("devices", name, "back_within"), error, of_key=True)
+        if device.lost != "continue":
+            continue
+        reasons = [
+            f"limit '{limit}' needs {part}"
+            for limit, one in rig.limits.items()
+            for part in (one.channel, one.while_on)
+            if part is not None and rig.device_of(part) == name
+        ]
+        reasons += [
+            f"safe_state needs {output}" for output in rig.safe_state if rig.device_of(output) == name
+        ]
+        if reasons:
+            error = RigctlError(
+                f"lost: a run cannot go on without '{name}': {', '.join(reasons)}",
+                value="continue",
+                expected="stop or pause",
+            )
+            yield Problem(("devices", name, "lost"), error)
 
 
 def _members(rig: Rig) -> Iterator[Problem]:

@@ -45,6 +45,9 @@ _WORKED_OUT = ("layout", "sha256", "parts")
 DEVICES = "devices"
 
 
+#: s for which a device is looked for whose loss ends the run
+_LOOKED_FOR = 30.0
+
 _Rate = Annotated[float, Q("Hz", positive=True, high=f"{FASTEST:g} Hz")]
 
 
@@ -133,7 +136,12 @@ class Device(Backend):
     )
     lost: Literal["stop", "pause", "continue"] = Field(
         default="stop",
-        description="what the loss of the device does to a run; so far only `stop`, which ends it safely",
+        description="what the loss of the device does to a run: `stop` ends it safely; `pause` makes outputs "
+        "safe, waits until the device is back, and goes on; `continue` goes on without it, where neither a "
+        "limit, nor the safe state, nor a step needs it",
+    )
+    back_within: Annotated[float, Q("s", positive=True)] = Field(
+        default=60.0, description="with `lost: pause`, how long the run waits for the device before it ends"
     )
 
 
@@ -284,6 +292,15 @@ class Rig(RigFilePart):
     def tolerated_silence(self) -> float:
         """The time without any reading, s, after which the first of the channels is stale."""
         return min(map(self.stale_after_of, self.channels), default=self.stale_after)
+
+    @property
+    def looked_for(self) -> float:
+        """How long the one device is looked for after a loss of contact, s.
+
+        A run that waits for it, or goes on without it, decides itself when it ends.
+        """
+        device = self.backend
+        return math.inf if isinstance(device, Device) and device.lost != "stop" else _LOOKED_FOR
 
     def silence_limit(self, device: str, rate: float) -> float:
         """Return the longest time without a reading of a device, s, when the bench is sampled at `rate`."""

@@ -23,6 +23,7 @@ from rigctl.runner.operators.attendance import Attendance
 from rigctl.runner.operators.operator import Operator
 from rigctl.runner.recent_samples import History
 from rigctl.runner.recorder import Recorder
+from rigctl.steps.approach import approach
 
 #: s of bench time between two checks for the operator's answer
 _ASK_AGAIN = 0.1
@@ -42,6 +43,8 @@ class Bench:
         self.columns: Mapping[str, int] = {name: index for index, name in enumerate(rig.layout.columns)}
         self.newest: Row | None = None
         self.read_at: dict[str, float] = {}  #: s, time of each device's newest reading
+        self.absent: dict[str, float] = {}  #: lost devices that the run goes on without, and since when, s
+        self.lacking: set[str] = set()  #: those that were absent during the newest record
         self.rate = rig.monitor_rate
         self.needed_rate = 0.0  #: lowest sampling rate that the step in progress needs, Hz
         self.record_began = -math.inf  #: s, when the newest record was opened
@@ -149,11 +152,13 @@ class Bench:
         awaited = (devices or self.rig.devices.keys()) if self.rig.devices else ()
 
         def known(row: Row) -> bool:
-            return present(row) and all(self.read_at.get(one, -1.0) >= self._changed for one in awaited)
+            return present(row) and all(
+                self.read_at.get(one, -1.0) >= self._changed for one in awaited if one not in self.absent
+            )
 
         row = self.newest if self.newest is not None and self.newest[0] >= self._changed else None
         while row is None or not known(row):
-            row = yield Until(when=known)
+            row = yield Until(when=known, on_pause=OnPause.KEEP)
         return row
 
     def read_with(self, row: Row, channel: str) -> Row:
@@ -531,6 +536,24 @@ class Bench:
             driven = self.rig.actuators[actuator].by == "driven"
             if driven and not self.is_at(actuator, value):
                 self.send(actuator, value)
+
+    def restored(self, commands: Mapping[str, float]) -> Waiting:
+        """Give driven actuators these values once they have rested, and wait until they have them."""
+        while self.now < (ready := self.restorable_at(commands)):
+            yield Until(ready)
+        gradual = {
+            name: value
+            for name, value in commands.items()
+            if self.rig.actuators[name].max_rate is not None and self.rig.actuators[name].by == "driven"
+        }
+        self.restore({name: value for name, value in commands.items() if name not in gradual})
+        yield from self.settled()
+        yield from approach(self, gradual)
+
+    @property
+    def timing(self) -> bool:
+        """Whether an output has been commanded for a time that is not over."""
+        return bool(self.pulses) or any(duration is not None for _, duration in self._sent.values())
 
     def _switched(self, receipt: CommandReceipt, message: str = "") -> None:
         """Log a switch; one older than the known state does not change it."""

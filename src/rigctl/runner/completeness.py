@@ -81,9 +81,13 @@ class Completeness:
         """Count a sample of a device; `possible`: every channel has a value."""
         self._devices[device].add(row, possible=possible)
 
-    def lacks(self, now: float) -> list[Lack]:
-        """Return what is missing at `now`, s: samples of each device, then the readings of each channel."""
-        return [lack for device in self._devices.values() for lack in device.lacks(now)]
+    def lacks(self, now: float, without: Collection[str] = ()) -> list[Lack]:
+        """Return what is missing at `now`, s: samples of each device, then the readings of each channel.
+
+        Devices in `without` are left out.
+        """
+        counted = (device for name, device in self._devices.items() if name not in without)
+        return [lack for device in counted for lack in device.lacks(now)]
 
 
 def worst(lacks: Collection[Lack]) -> float:

@@ -23,6 +23,7 @@ from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.errors import RigctlError, require_known
 from rigctl.plan import Plan
 from rigctl.plan.identity import NAMES, settled
+from rigctl.planning.lost_devices import refuse_needed
 from rigctl.planning.rates import refuse_rates
 from rigctl.runner.bench_access import Access, held, opened
 from rigctl.runner.operators.control_thread import beside
@@ -81,6 +82,7 @@ def launch(plan: Plan, how: Launch) -> RunResult:
     """
     _require_identity(plan, how)
     refuse_rates(plan, how.backend, how.options)
+    refuse_needed(plan)
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
         writer = RunWriter.create(how.runs, header_of(plan, backend, how))
         result = carry_out(plan, backend, writer, lock, how)

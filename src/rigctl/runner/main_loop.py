@@ -17,7 +17,6 @@ from rigctl.runner.sampling import Sampling
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.step_errors import ending_for
 from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
-from rigctl.steps.approach import approach
 
 _SIGNAL = 0.02  # longest wait of a signal without a sample, s of wall time
 #: s of suspension of the computer that end a run; what is shorter is how exactly it is known
@@ -110,7 +109,7 @@ class Driver:
             if patience <= 0.0:  # that alarm has been raised, and time has to continue
                 patience = silence
             if sampling.awaiting:  # no step continues meanwhile, whatever it waits for
-                sampling.next_row(min(self._slice, patience))
+                self._stand_by(until)
                 continue
             row = sampling.next_row(min(max(deadline - time, 0.0), self._slice, patience))
             if done is not None and done():
@@ -119,13 +118,31 @@ class Driver:
                 if when is not None and when(row):
                     return row
                 continue
-            sampling.check_silence()  # after every wait: many short ones must not hide a silence
+            if not sampling.awaiting:  # the samples that have come while outputs were made safe come first
+                sampling.check_silence()  # after every wait: many short ones must not hide a silence
             if sampling.awaiting or now() < deadline - _SLACK:
                 continue
             if limit < until.time:
                 text = f"a cleanup step took longer than {CLEANUP_STEP_LIMIT:g} s"
                 raise StepFailed(text, outcome=Outcome.TIMED_OUT)
             return None
+
+    def _stand_by(self, until: Until) -> None:
+        """Let time pass until what was lost is back; paused, unless only its record will be repeated."""
+        sampling, lifecycle = self._sampling, self._lifecycle
+        paused = sampling.pausing and lifecycle.state is RunState.RUNNING
+        if paused:
+            lifecycle.send("pause")
+        try:
+            while sampling.awaiting:
+                self._look(until)
+                sampling.next_row(min(self._slice, sampling.longest_silence))
+        finally:
+            sampling.stop_waiting()
+            if paused and lifecycle.state is RunState.PAUSED:
+                lifecycle.send("go_on")
+        if paused:
+            self._take_up(until)
 
     def watch(self, duration: float) -> list[Row]:
         """Take samples as usual for `duration` s while no step is in progress."""
@@ -232,18 +249,14 @@ class Driver:
             else:
                 self.watch(self._slice if self._pause is not None else min(self._slice, rested_in))
         self._lifecycle.send("go_on")
-        gradual = {
-            name: value
-            for name, value in baseline.items()
-            if self._bench.rig.actuators[name].max_rate is not None
-            and self._bench.rig.actuators[name].by == "driven"
-        }
-        self._bench.restore({name: value for name, value in baseline.items() if name not in gradual})
-        for waiting in self._bench.settled():
+        self._take_up(until)
+
+    def _take_up(self, until: Until) -> None:
+        """Go on with the step in progress after a pause, with the commands that it began with."""
+        baseline = self._walker.baseline if self._walker is not None else {}
+        for waiting in self._bench.restored(baseline):
             self.wait(waiting)
-        for waiting in approach(self._bench, gradual):
-            self.wait(waiting)
-        if until.on_pause is OnPause.RESTART:
+        if until.on_pause is not OnPause.KEEP:
             raise Restart
 
     def _end_unattended(self, attendance: Attendance) -> None:

@@ -12,7 +12,7 @@ from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import Notice, Reading, Sample
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Row
-from rigctl.plan.outcomes import Ending, Lost, SamplesLost, Tripped
+from rigctl.plan.outcomes import DeviceBack, Ending, Lost, SamplesLost, Tripped
 from rigctl.rig.possible_readings import PossibleReadings
 from rigctl.runner.bench import Bench
 from rigctl.runner.completeness import Completeness
@@ -26,10 +26,29 @@ RECONNECT = 30.0
 
 @dataclass(frozen=True)
 class _Awaited:
-    """A lost bench that is being waited for: the reason, and until which bench time, s."""
+    """A lost bench that is being waited for.
+
+    Parameters
+    ----------
+    reason: why it counts as lost.
+    give_up: bench time until which it is waited for, s; `within` is for how long.
+    paused: the run is paused meanwhile, because the rig file says so of the device; otherwise its record will
+        be measured again.
+    cut: outside a record, a command for a time was cut off, half of which cannot be repeated.
+    devices: those for which the run is paused.
+    """
 
     reason: str
     give_up: float
+    within: float
+    paused: bool = False
+    cut: bool = False
+    devices: tuple[str, ...] = ()
+
+    @property
+    def given_up(self) -> Lost:
+        """The ending if it does not come back."""
+        return Lost(f"{self.reason}; it did not come back within {self.within:g} s")
 
 
 @dataclass(frozen=True)
@@ -67,6 +86,7 @@ class Sampling:
         }
         self._counts: dict[str, float] = {}  # newest value of each
         self.repeatable = False  #: the open record will be measured again if samples are lost
+        self.running = False  #: steps are in progress, so that the loss of a device need not end the run
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
         self.happenings: deque[ShownEvent] = deque(maxlen=12)
         self.warnings: list[RunWarning] = []  #: that a simulated bench left the range of an effect's law
@@ -80,6 +100,11 @@ class Sampling:
     def awaiting(self) -> bool:
         """True while no step may continue, because the bench is lost and its record will be repeated."""
         return self._awaited is not None
+
+    @property
+    def pausing(self) -> bool:
+        """True if the run is paused meanwhile."""
+        return self._awaited is not None and self._awaited.paused
 
     def next_row(self, timeout: float) -> Row | None:
         """The row of the next sample, journalled and checked; None if none came within `timeout` s.
@@ -99,20 +124,33 @@ class Sampling:
         awaited = self._awaited
         if sample is None:
             self._collect()
-            if awaited is not None and self._bench.now >= awaited.give_up:
-                self._end(Lost(f"{awaited.reason}; it did not come back within {RECONNECT:g} s"))
-            return None
-        if awaited is not None and not self._all_back(sample):
+        if awaited is not None and (sample is None or not self._all_back(sample, awaited)):
             if self._bench.now >= awaited.give_up:
-                self._end(Lost(f"{awaited.reason}; it did not come back within {RECONNECT:g} s"))
+                self._end(awaited.given_up)
+            if self._several:  # of another device; what is still to be fetched is not missing
+                self._check_silence(self._bench.now if sample is None else sample.time)
+            return None
+        if sample is None:
             return None
         if awaited is not None:
             self._bench.reachable = True
             self._awaited = None
             self._take(sample)
-            self._end(SamplesLost(awaited.reason))
+            self._go_on(awaited)
+            return None
         row = self._take(sample)
         return None if self.awaiting else row
+
+    def _go_on(self, awaited: _Awaited) -> None:
+        """A bench that was waited for is back: its record, or the step in progress, is done again."""
+        if not awaited.paused:
+            self._end(SamplesLost(awaited.reason))
+        for device in awaited.devices:
+            self._bench.event("note", f"{device} is back, outputs are safe: the run goes on", back=device)
+        if self._bench.recording:
+            self._end(DeviceBack(awaited.reason))
+        if awaited.cut:
+            self._end(Lost(f"{awaited.reason}; it is back, but a command for a time was cut off by it"))
 
     def check_silence(self) -> None:
         """Trip if no sample has come for too long, or none of one of several devices."""
@@ -130,12 +168,53 @@ class Sampling:
         if device in self._faults:
             fault = self._faults[device].removeprefix(f"{device}: ")
             alarm = replace(alarm, message=f"{alarm.message}: {fault}")
-        if self.repeatable:
+        policy = self._policy(device)
+        if policy == "continue":
+            self._go_without(device, alarm.message)
+        elif policy == "pause":
+            self._pause_for(device, alarm.message)
+        elif self.repeatable:
             self._bench.event("gap", alarm.message)
             self._bench.make_safe(alarm.message)
-            self._awaited = _Awaited(alarm.message, self._bench.now + RECONNECT)
+            self._awaited = _Awaited(alarm.message, self._bench.now + RECONNECT, RECONNECT)
+        else:
+            self.stop_waiting()
+            self._sound([alarm])
+
+    def stop_waiting(self) -> None:
+        """Wait for no lost bench any longer: it is back, or the run ends."""
+        self._awaited = None
+
+    def _policy(self, device: str) -> str:
+        """What the loss of a device does now."""
+        known = self._bench.rig.devices.get(device)
+        return known.lost if known is not None and self.running else "stop"
+
+    def _go_without(self, device: str, reason: str) -> None:
+        """Note that the run goes on without a device, on which nothing depends."""
+        bench, message = self._bench, f"{reason}; the run goes on without it"
+        if device in bench.absent:
             return
-        self._sound([alarm])
+        bench.event("gap", message, device=device, lost="continue")
+        self.note(bench.now, "gap", message)
+        self.warnings.append(RunWarning(bench.now, bench.record_of(bench.now), message))
+        bench.absent[device] = bench.now
+        bench.lacking.add(device)
+
+    def _pause_for(self, device: str, reason: str) -> None:
+        """Make outputs safe at once, and wait for a device."""
+        bench = self._bench
+        within = bench.rig.devices[device].back_within
+        bench.event(
+            "gap", f"{reason}; the run waits for it, {within:g} s at most", device=device, lost="pause"
+        )
+        self.note(bench.now, "gap", reason)
+        cut, devices = bench.timing, [device]
+        if self._awaited is not None:  # for another one
+            cut, devices = cut or self._awaited.cut, [*self._awaited.devices, device]
+        bench.make_safe(reason)
+        give_up = bench.now + within
+        self._awaited = _Awaited(reason, give_up, within, paused=True, cut=cut, devices=tuple(devices))
 
     def keep(self, sample: Sample) -> None:
         """Journal a sample of a run that has ended: it is kept, but has no consequences."""
@@ -152,11 +231,21 @@ class Sampling:
     def _row(self, sample: Sample | Reading) -> Row:
         return (sample.time, self._bench.record_of(sample.time), *sample.values, *sample.commands)
 
-    def _all_back(self, sample: Sample) -> bool:
+    def _all_back(self, sample: Sample, awaited: _Awaited) -> bool:
         """Whether all of several devices are there again; otherwise the sample of another one is kept."""
-        if self._interlocks.silent_devices <= {sample.device}:
-            return True
+        bench = self._bench
+        if self._interlocks.silent_devices - bench.absent.keys() <= {sample.device}:
+            if not awaited.paused:
+                return True
+            self._collect()  # what was switched off meanwhile has been waited for
+            bench.make_safe(f"the lost device is back: {awaited.reason}")
+            if bench.reachable:
+                return True
         self.keep(sample)
+        if awaited.paused:  # observers see the others meanwhile
+            bench.newest = self._possible.of(self._row(sample))
+            bench.read_at[sample.device] = sample.read.time
+        self._returned(sample.device)
         self._faults.pop(sample.device, None)
         alarms = self._interlocks.check(self._row(sample.read), sample.device)
         if any(alarm.active and alarm.action == "stop" for alarm in alarms):
@@ -174,6 +263,7 @@ class Sampling:
         bench.read_at[device] = read[0]
         self.newest = sample.time
         self._faults.pop(device, None)
+        self._returned(device)
         self._keep(read)
         if self.completeness is not None and taken[1] >= 0.0:
             self.completeness.add(taken, device, possible=taken is read)
@@ -189,6 +279,14 @@ class Sampling:
             self._count(name, bench.newest[column])
         return bench.newest
 
+    def _returned(self, device: str) -> None:
+        """Note that a device is back without which the run went on."""
+        since = self._bench.absent.pop(device, None)
+        if since is not None:
+            message = f"{device} is back after {self._bench.now - since:.3g} s"
+            self._bench.event("note", message, back=device)
+            self.note(self._bench.now, "note", message)
+
     def _count(self, name: str, value: float) -> None:
         """Compare a device's clock or counter with its last value: one that starts again is a restart."""
         before = self._counts.get(name, -math.inf)
@@ -202,7 +300,8 @@ class Sampling:
         message = f"the device has restarted: {name} went from {shown}"
         switched_off = sorted(bench.driven)
         bench.event("gap", message, switched_off=switched_off)
-        self._gap(Notice(bench.now, "gap", message, {"switched_off": switched_off}))
+        fields = {"switched_off": switched_off, "device": bench.rig.device_of(name)}
+        self._gap(Notice(bench.now, "gap", message, fields))
 
     def _keep(self, row: Row) -> None:
         """Journal a row; a disk that is full or gone ends the run, once."""
@@ -236,14 +335,17 @@ class Sampling:
         A step that controls an output commands it again itself; the setting of an earlier step or half a move
         cannot be restored. In a record no output may have differed from its command.
         """
-        if self._awaited is not None and self._interlocks.silent_devices:
+        if self._awaited is not None and (self._awaited.paused or self._interlocks.silent_devices):
             return  # the record is measured again once those are back, too
-        if self.repeatable:
-            self._end(SamplesLost(self._awaited.reason if self._awaited is not None else notice.message))
         names = notice.fields.get("switched_off")
         cut_off = set(names) if isinstance(names, list) else set()
         lasting = cut_off if self._bench.recording else cut_off - self._bench.regulated
-        if lasting:
+        device = str(notice.fields.get("device", ""))
+        if lasting and self._policy(device) == "pause":  # it is back already, with its outputs off
+            self._pause_for(device, notice.message)
+        elif self.repeatable:
+            self._end(SamplesLost(self._awaited.reason if self._awaited is not None else notice.message))
+        elif lasting:
             self._end(Lost(notice.message))
 
     def _sound(self, alarms: Sequence[Alarm]) -> None:

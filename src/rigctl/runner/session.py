@@ -333,6 +333,7 @@ class _Session:
         bench = self._bench
         bench.event("state", f"{before.value} → {after.value}", state=after.value, event=event)
         self._sampling.note(bench.now, "state", after.value)
+        self._sampling.running = after in (RunState.RUNNING, RunState.PAUSED)
 
     def _tick(self) -> None:
         """Call the observer; one that fails is not called again."""

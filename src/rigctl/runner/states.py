@@ -43,8 +43,8 @@ STATES = {
 EVENTS = {
     "arm": "the run is requested",
     "start": "the bench answers and no interlock is tripped",
-    "pause": "`rigctl pause`, or the key p",
-    "go_on": "`rigctl continue`, or the key c",
+    "pause": "`rigctl pause`, the key p, or the loss of a device with `lost: pause`",
+    "go_on": "`rigctl continue`, the key c, or the lost device is back",
     "finish": "the last step is done, or a dry run has read the bench",
     "make_safe": "an interlock, a failed step, a signal, a lost bench, a full disk, an error",
     "clean_up": "outputs are safe; cleanup blocks may run",

@@ -8,7 +8,7 @@ from itertools import count
 
 from rigctl.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, Visitor, iteration_path
 from rigctl.plan.behaviour import CHECKPOINT, OnPause, Until, Waiting, every_sample
-from rigctl.plan.outcomes import Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
+from rigctl.plan.outcomes import DeviceBack, Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
 from rigctl.runner.bench import Bench
 from rigctl.runner.completeness import Completeness, worst
 from rigctl.runner.progress import Progress
@@ -18,6 +18,8 @@ from rigctl.runner.step_errors import ending_for
 
 #: longest time of one step of a cleanup block after a failure, s of bench time
 CLEANUP_STEP_LIMIT = 60.0
+#: how often one record is measured again because a device was lost and is back
+_MOST_RETURNS = 5
 
 
 class Restart(Exception):
@@ -52,6 +54,8 @@ class Walker(Visitor[Waiting]):
         self._completed = completed
         self._rounds: list[tuple[Loop, int]] = []
         self._again = False  # the record in progress will be repeated if samples are lost
+        self._repeating = False  # inside `_repeated`
+        self._waits = any(device.lost == "pause" for device in bench.rig.devices.values())
         self._hopeless = False  # no further cleanup block can be carried out
         self.limit = math.inf  #: deadline of the step in progress, s
         self.baseline: dict[str, float] = {}  #: commands at the start of the step in progress
@@ -87,8 +91,9 @@ class Walker(Visitor[Waiting]):
                     self._progress.skip(node)
         try:
             for index, node in enumerate(nodes):
-                if _retries(node):
-                    yield from self._repeated(nodes, index)
+                record = _record_in(node)
+                if record is not None and not self._repeating and (record.retries or self._waits):
+                    yield from self._repeated(nodes, index, record.retries)
                 else:
                     yield from self.visit(node)
         except Ending as error:
@@ -106,7 +111,7 @@ class Walker(Visitor[Waiting]):
                 yield from self.group(last)
             return
         first = on_abort if ending.aborted else on_failure
-        if isinstance(ending, SamplesLost) and self._again:
+        if isinstance(ending, DeviceBack) or (isinstance(ending, SamplesLost) and self._again):
             first = None  # nothing has failed yet
         for block in (first, last):
             if block is not None:
@@ -212,20 +217,31 @@ class Walker(Visitor[Waiting]):
             self._close(outcome)
         self._progress.records_done += 1
 
-    def _repeated(self, nodes: Sequence[Node], index: int) -> Waiting:
-        """Carry out a record that is repeated, with the set-up before it, if samples are lost inside."""
-        node = nodes[index]
-        for retries in range(_retries(node), -1, -1):
-            self._again = retries > 0
+    def _repeated(self, nodes: Sequence[Node], index: int, retries: int) -> Waiting:
+        """Carry out a record that is repeated, with the set-up before it, if samples are lost inside.
+
+        The return of a device that the run has waited for uses none of the `retries`.
+        """
+        node, before, returns = nodes[index], dict(self._bench.commanded), 0
+        while True:
+            self._again, self._repeating = retries > 0, True
             try:
                 yield from self.visit(node)
                 return
             except SamplesLost as lost:
-                if not self._again:
+                back = isinstance(lost, DeviceBack)
+                if not (self._again or back):
                     raise
                 self._bench.event("note", f"{node.label} is measured again: {lost.reason}")
             finally:
-                self._again = False
+                self._again = self._repeating = False
+            returns, retries = returns + back, retries - (not back)
+            if returns > _MOST_RETURNS:
+                ending = Lost(f"{node.label}: a device was lost again and again", where=node.where)
+                self._secure(ending)
+                raise ending
+            if back:  # also what was set before the group; without a wait the set-up is thought to do
+                yield from self._bench.restored(before)
             for step in setup_before(nodes, index):
                 yield from self.visit(step)
 
@@ -233,6 +249,7 @@ class Walker(Visitor[Waiting]):
         bench = self._bench
         try:
             began = bench.record_began = bench.now
+            bench.lacking = set(bench.absent)
             bench.writer.open_record(began, node.name, node.sweep, path, node.rate)
             bench.history.begin_record(began)
             self._sampling.completeness = Completeness(bench.rig, node.channels, node.rate, began)
@@ -245,7 +262,7 @@ class Walker(Visitor[Waiting]):
     def _require_complete(self, node: RecordNode) -> None:
         """Refuse a record that lacks too much to be what the procedure asked for."""
         counted = self._sampling.completeness
-        lacks = counted.lacks(self._bench.now) if counted is not None else []
+        lacks = counted.lacks(self._bench.now, self._bench.lacking) if counted is not None else []
         too_much = [lack for lack in lacks if lack.exceeds(node.most_missing)]
         if not too_much:
             return
@@ -293,8 +310,8 @@ class Walker(Visitor[Waiting]):
         return ending
 
 
-def _retries(node: Node) -> int:
-    """Permitted repeats of a record, which its cleanup surrounds as a group."""
+def _record_in(node: Node) -> RecordNode | None:
+    """A record, which its cleanup surrounds as a group."""
     if isinstance(node, Group) and len(node.children) == 1:
-        return _retries(node.children[0])
-    return node.retries if isinstance(node, RecordNode) else 0
+        return _record_in(node.children[0])
+    return node if isinstance(node, RecordNode) else None

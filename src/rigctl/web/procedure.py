@@ -71,12 +71,14 @@ class Procedures:
         from rigctl.plan.identity import settled
         from rigctl.planning import preview
         from rigctl.planning.document import as_document
+        from rigctl.planning.lost_devices import refuse_needed
         from rigctl.planning.rates import refuse_rates
 
         root = self._site.require_project()
         try:
             plan = _plan(_within(root, request.text("path")), request.text("text"))
             refuse_rates(plan)
+            refuse_needed(plan)
             forecast = preview(plan)
             warnings = plan.rig.warnings(datetime.now(UTC).date())
         except RigctlError as error:

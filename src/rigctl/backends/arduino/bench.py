@@ -74,7 +74,7 @@ class ArduinoBench(PortBench[Board]):
         kind: str,
         baud: int,
         patience: float = 5.0,
-        reconnect: float = 30.0,
+        reconnect: float | None = None,
         clear_trips: bool = False,
         identity: Mapping[str, str] | None = None,
         by_hand: Callable[[str, float], None] | None = None,

@@ -132,6 +132,10 @@ class CombinedBench:
         self._wait(started.values(), _AT_ONCE)  # a device that is busy starts later
         late = _unanswered(started)
         errors = _errors(started)
+        for name in [name for name in errors if not self._needs(name)]:
+            error = errors[name]
+            if isinstance(error, BackendLost):  # its silence is noticed
+                del errors[name]
         if errors:
             raise _named(errors)
         for name in late:
@@ -146,10 +150,11 @@ class CombinedBench:
             inbox.answered = False
             while not inbox.samples:
                 left = give_up - monotonic()
-                if gone := inbox.lost.keys() - self._announced:
+                needed = {name: why for name, why in inbox.lost.items() if self._needs(name)}
+                if gone := needed.keys() - self._announced:
                     self._announced |= gone  # raise at the next call: notices must be fetched first
                     return None
-                for device, why in inbox.lost.items():
+                for device, why in needed.items():
                     raise lost(device, why)
                 if inbox.answered or left <= 0.0:
                     return None
@@ -292,6 +297,10 @@ class CombinedBench:
         if isinstance(error, BackendLost) and safe:
             error.what += f"; confirmed safe: {', '.join(sorted(safe))}"
         return error
+
+    def _needs(self, device: str) -> bool:
+        """Whether the bench is lost with this device."""
+        return self._rig.devices[device].lost != "continue"
 
     def _called(self) -> None:
         self._inbox.called = monotonic()

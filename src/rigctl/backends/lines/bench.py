@@ -76,7 +76,7 @@ class LineBench(PortBench[LineClient]):
         connect: Connect,
         *,
         kind: str,
-        reconnect: float = 30.0,
+        reconnect: float | None = None,
         identity: Mapping[str, str] | None = None,
         by_hand: Callable[[str, float], None] | None = None,
         duty: Duty | None = None,

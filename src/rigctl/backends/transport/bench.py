@@ -31,7 +31,7 @@ class PortBench(ABC, Generic[Contact]):
     clock: the clock for waits.
     connect: opens the port; called again after a loss.
     kind: ``serial``, ``emulated``, …, for the identity.
-    reconnect: s allowed for a lost device to return.
+    reconnect: s allowed for a lost device to return; by default as its rig file says.
     identity: further entries of the identity that are known before the device answers.
     by_hand: called when the operator turns something, if the operator is emulated too.
 
@@ -50,7 +50,7 @@ class PortBench(ABC, Generic[Contact]):
         connect: Connect,
         *,
         kind: str,
-        reconnect: float = 30.0,
+        reconnect: float | None = None,
         identity: Mapping[str, str] | None = None,
         by_hand: Callable[[str, float], None] | None = None,
     ) -> None:
@@ -59,7 +59,10 @@ class PortBench(ABC, Generic[Contact]):
         self._rig = rig
         self._connect = connect
         self._reconnection = Reconnection(
-            clock, connect, lambda port: self._identify(port, again=True), reconnect
+            clock,
+            connect,
+            lambda port: self._identify(port, again=True),
+            rig.looked_for if reconnect is None else reconnect,
         )
         self._by_hand = by_hand
         self._outbox = Outbox(clock)

@@ -77,12 +77,14 @@ def _check_procedure(
         from rigctl.cli.plans import open_plan
         from rigctl.planning import preview
         from rigctl.planning.document import as_document
+        from rigctl.planning.lost_devices import refuse_needed
         from rigctl.planning.outline import outline
         from rigctl.planning.rates import refuse_rates
 
         plan = open_plan(procedure, rig, arg)
         check_family_of(plan.rig)
         refuse_rates(plan)
+        refuse_needed(plan)
         forecast = preview(plan)
     warnings = forecast.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:

@@ -344,6 +344,8 @@ def _facts_table(info: Mapping[str, Any]) -> Table:
     """The summary of a run for people."""
     backend = ", ".join(f"{key} {value}" for key, value in info["backend"].items())
     reason = f": {info['reason']}" if info.get("reason") else ""
+    from rigctl.dataset.history import absences_in
+
     doubt = info.get("unconfirmed")
     facts = {
         "attention": f"{_UNCONFIRMED}: {doubt} may still be on" if doubt else "",
@@ -352,6 +354,7 @@ def _facts_table(info: Mapping[str, Any]) -> Table:
         "procedure": _source(info["procedure"]),
         "rig": _source(info["rig"]),
         "bench": backend,
+        "lost devices": absences_in(info),
         "test": _test(info.get("test", {})),
         "serial number": info.get("device", {}).get("serial_number"),
         "part": info.get("device", {}).get("part"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -147,6 +148,7 @@ def _summary(history: History, facts: SampleFacts, missing: int) -> Mapping[str,
         "status": history.status,
         "reason": history.reason,
         "unconfirmed": history.unconfirmed,
+        **({"absences": [asdict(one) for one in history.absences]} if history.absences else {}),
         "ended": ended_at(history, last - first).isoformat(),
         "duration": last - first,
         "records": len(history.records),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rigctl.answers.numbers import duration, moment, plural, whole
+from rigctl.dataset.history import absences_in
 from rigctl.report.run_data import COMPLETE, RunData
 from rigctl.report.section import Section, render
 from rigctl.report.signals import ALARMS, end_to_end
@@ -218,6 +219,7 @@ def _facts(run: RunData) -> list[tuple[str, str]]:
         ("Rig", str(_part(info, "rig").get("name", ""))),
         ("Bench", whole[1]),
         *((f"Device {name}", identity) for name, identity in devices),
+        ("Lost devices", absences_in(info)),
         ("Test", _test(info)),
         ("Serial number", str(_part(info, "device").get("serial_number", ""))),
         ("Part", str(_part(info, "device").get("part", ""))),
