@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.cache import load_compiled
+from rigctl.engine.foreign_parts import parts_of
 from rigctl.engine.guards import width
 from rigctl.engine.kernels.sizes import WORDS
 from rigctl.engine.machine_code import MachineCode, compiled
 from rigctl.engine.source import ARGUMENTS, Source, source_of
 from rigctl.engine.straight_line import module_of
-from rigctl.engine.system import System
+from rigctl.engine.system import Foreign, System
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.fmu.program import allow, require_allowed
 
 Integers = NDArray[np.int64]
 
@@ -41,12 +43,14 @@ class CompiledSystem:
     source: the straight-line code it was made from; ``source.digest`` names the model.
     addresses: of the model's functions, in the order of `source.ARGUMENTS`.
     steps: number of steps in the last integration of each record, by name: an estimate of its cost.
+    cascade: the parts of a system that another program computes in part; it has no functions of its own.
     """
 
     system: System
     source: Source
     addresses: Integers = field(repr=False)
     steps: dict[str, int] = field(default_factory=dict, repr=False, compare=False)
+    cascade: Cascade | None = field(default=None, repr=False)
 
     @property
     def integrate_record(self) -> Kernel:
@@ -58,8 +62,37 @@ class CompiledSystem:
         """The compiled kernel of `kernels.step`, likewise."""
         return kernel("step", width() > 0)
 
-    def __reduce__(self) -> tuple[Callable[[System], CompiledSystem], tuple[System]]:
+    def __reduce__(self) -> tuple[Callable[..., CompiledSystem], tuple[Any, ...]]:
+        if self.cascade is not None:
+            return _cascade_again, (self.system, self.cascade.step_sizes)
         return compile_system, (self.system,)
+
+
+@dataclass(frozen=True)
+class Cascade:
+    """A system in three parts: what a program is given, the program, what is read of it.
+
+    Attributes
+    ----------
+    commands: the equations whose outputs are the program's inputs.
+    readings: those whose inputs are the system's, and the rates of the program's outputs.
+    step_sizes: for each column, the share of its usual step by which it is differenced, and by how much
+        the derivatives by this and by a smaller one differ.
+    """
+
+    commands: CompiledSystem
+    readings: CompiledSystem
+    step_sizes: dict[str, tuple[float, float]]
+
+
+def _cascade_again(system: System, step_sizes: dict[str, tuple[float, float]]) -> CompiledSystem:
+    """A compiled system that another process sends: it has asked whether the program may run."""
+    assert system.foreign is not None  # noqa: S101 - it has a cascade
+    allow(system.foreign.program.sha256)
+    compiled = compile_system(system)
+    assert compiled.cascade is not None  # noqa: S101
+    compiled.cascade.step_sizes.update(step_sizes)
+    return compiled
 
 
 def compile_system(
@@ -72,6 +105,8 @@ def compile_system(
     step; that takes some seconds, and is reported to `progress`. The other kernel is compiled when it is
     first used.
     """
+    if system.foreign is not None:
+        return _compile_cascade(system, system.foreign, stepping=stepping, progress=progress)
     kernel("step" if stepping else "record", width() > 0, progress)
     source = source_of(system)
     model = load_compiled(
@@ -79,6 +114,22 @@ def compile_system(
     )
     addresses = np.array([model[name] for name in ARGUMENTS], dtype=np.int64)
     return CompiledSystem(system, source, addresses)
+
+
+def _compile_cascade(
+    system: System, foreign: Foreign, *, stepping: bool, progress: Progress | None
+) -> CompiledSystem:
+    require_allowed(foreign.program)
+    if stepping:
+        raise RigctlError(
+            "an FMU cannot be a simulated bench, on which procedures run", value=foreign.program.path.name
+        )
+    commands, readings = (compile_system(one, progress=progress) for one in parts_of(system, foreign))
+    text = "\n".join([commands.source.text, readings.source.text, repr(foreign.program)])
+    source = Source(text, (), (), ())
+    return CompiledSystem(
+        system, source, np.empty(0, dtype=np.int64), cascade=Cascade(commands, readings, {})
+    )
 
 
 #: by module of the kernel, and whether its bounds are checked

@@ -9,6 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from rigctl.engine import guards
+from rigctl.engine.cascade import Columns, simulate_cascade
 from rigctl.engine.compile import CompiledSystem, Integers, words_of
 from rigctl.engine.excitation import Excitation, Floats, Ramps, check_fits
 from rigctl.engine.failure import Failure, check_outputs, check_values, explain
@@ -60,6 +61,14 @@ def simulate(
     RigctlError
         a column is unknown, or a record does not fit the system.
     """
+    if compiled.cascade is not None:
+        return simulate_cascade(
+            compiled,
+            compiled.cascade,
+            excitations,
+            Columns(columns, initial_columns, shift_columns, splines),
+            simulate,
+        )
     plan = _plan(compiled, columns, splines, initial_columns, len(shift_columns), tolerance)
     for excitation in excitations:
         check_fits(excitation, compiled.system)

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from rigctl.engine.symbols import Expr, Graph, Scalar, check_dimension, variables_of
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.fmu.program import Program
 from rigctl.units import Dimension, parse_unit
 
 _SECOND = "s"
@@ -65,6 +66,35 @@ class Delay:
     expr: Expr
 
 
+@dataclass(frozen=True)
+class Foreign:
+    """The part of a system that another program computes.
+
+    Its outputs z are states of the system, whose rates are the variables of `rate_of`: what is read of them,
+    with every effect on a reading, is in equations. So is what it is given, with every effect on a command.
+
+    Attributes
+    ----------
+    program: computes z from the drives and from the parameters of these names.
+    drives: its inputs, in order, as functions of the system's.
+    rate_units: SI units of the rates of its outputs.
+    """
+
+    program: Program
+    drives: tuple[Expr, ...]
+    rate_units: tuple[str, ...]
+
+    @property
+    def responses(self) -> tuple[str, ...]:
+        """The states that are its outputs."""
+        return tuple(one.name for one in self.program.outputs)
+
+
+def rate_of(response: str) -> str:
+    """The name of the variable for the rate of a foreign program's output."""
+    return f"rate of {response}"
+
+
 def before(input_name: str) -> str:
     """The name of the variable for the input's value before the command, in a `Delay`."""
     return f"{input_name}_before"
@@ -96,6 +126,7 @@ class System:
     rhs: tuple[Expr, ...]
     outputs: tuple[Output, ...]
     delays: tuple[Delay, ...] = ()
+    foreign: Foreign | None = None
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -150,6 +181,7 @@ class SystemBuilder:
         self._rhs: dict[str, Expr] = {}
         self._outputs: list[Output] = []
         self._delays: list[Delay] = []
+        self._foreign: Foreign | None = None
 
     def state(self, name: str, unit: str, scale: float) -> Expr:
         """Declare a state; returns its variable."""
@@ -193,6 +225,11 @@ class SystemBuilder:
         new = self.graph.variable(after(input_name), dimension)
         self._delays.append(Delay(input_name, self.graph.expression(expr(old, new))))
 
+    def foreign(self, program: Program, drives: Sequence[Scalar], rate_units: Sequence[str]) -> None:
+        """Let another program compute the states that are its outputs."""
+        expressions = tuple(self.graph.expression(one) for one in drives)
+        self._foreign = Foreign(program, expressions, tuple(rate_units))
+
     def build(self) -> System:
         """The system, checked.
 
@@ -215,6 +252,7 @@ class SystemBuilder:
             tuple(self._rhs[name] for name in self._states),
             tuple(self._outputs),
             tuple(self._delays),
+            self._foreign,
         )
 
 
@@ -258,6 +296,10 @@ def _check_units(system: System) -> None:
 
 def _check_equations(system: System) -> None:
     known = {*system.state_names, *system.input_names, *system.parameter_names}
+    if system.foreign is not None:
+        for drive in system.foreign.drives:
+            _check_variables(drive, known, f"an input of {system.foreign.program.path.name}")
+        known |= {rate_of(name) for name in system.foreign.responses}
     for state, derivative in zip(system.states, system.rhs, strict=True):
         what = f"the derivative of {state.name}"
         _check_variables(derivative, known, what)

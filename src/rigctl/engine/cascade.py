@@ -1,0 +1,596 @@
+"""Records of a system of which a foreign program, an FMU, computes a part.
+
+    u --(effects on commands)--> drives --(program)--> z --(effects on readings)--> outputs
+
+The first and the last step are equations, integrated by the engine. The program is given the drives held
+constant over each interval of a grid: the samples, every command at the time at which it acts, and some points
+after it. What is read of z, linear between the points, has exact derivatives. Derivatives through the program
+are differences, central except at a value of 0, where only one side need exist; each column is differenced
+with two steps, and with smaller ones until two agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from rigctl.engine.compile import Cascade, CompiledSystem
+from rigctl.engine.excitation import Excitation, Floats, Ramps
+from rigctl.engine.failure import Cause, Failure
+from rigctl.engine.splines import SplineColumns
+from rigctl.engine.symbols import Expr, evaluate, variables_of
+from rigctl.engine.system import Foreign, System, after, before
+from rigctl.engine.trajectories import Statistics, Trajectories
+from rigctl.fmu.pool import Job, Pool, Simulated, pool_of
+
+#: `rigctl.engine.simulate.simulate`, for the two parts in equations
+Engine: TypeAlias = Callable[..., Trajectories]
+
+#: usual step of a parameter, as a share of its value; of what changes a drive, of the drive's mean magnitude
+_SHARE: Final = 3e-3
+#: of what moves switches, in sampling intervals
+_MOVED: Final = 0.2
+#: steps that are tried, as shares of the usual one; two derivatives agree that differ by less than `_AGREE`
+_SMALLER: Final = (1.0, 0.1, 0.01)
+_AGREE: Final = 0.02
+#: records on which steps are tried
+_TRIED: Final = 2
+#: points after a command at which a fast drive is followed, in sampling intervals
+_AFTER: Final = (0.0625, 0.125, 0.25, 0.5)
+#: two times closer than this share of a record are one
+_SAME: Final = 1e-10
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The derivatives that are wanted: see `rigctl.engine.simulate.simulate`."""
+
+    parameters: Sequence[str]
+    initial: Sequence[str]
+    shifts: Sequence[str]
+    splines: SplineColumns
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names, in order."""
+        of_splines = (f"spline {k}" for k in range(len(self.splines.columns)))
+        return (*self.parameters, *of_splines, *self.initial, *self.shifts)
+
+
+def simulate_cascade(
+    compiled: CompiledSystem,
+    cascade: Cascade,
+    excitations: Sequence[Excitation],
+    columns: Columns,
+    engine: Engine,
+) -> Trajectories:
+    """Simulate records whose system has a foreign program.
+
+    Raises
+    ------
+    RigctlError
+        the program is not to be run, crashes or hangs.
+    """
+    foreign = compiled.system.foreign
+    assert foreign is not None  # noqa: S101 - it has a cascade
+    return _Cascade(compiled.system, foreign, cascade, columns, engine).simulate(excitations)
+
+
+@dataclass(frozen=True)
+class _Courses:
+    """What the program computed in one record, on its grid; `reason` if it failed."""
+
+    excitation: Excitation
+    grid: Floats
+    values: Floats
+    reason: str
+
+    @cached_property
+    def at_samples(self) -> Floats:
+        """(samples, responses) z."""
+        return self.values[self.places]
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """The samples' places in the grid."""
+        right = np.clip(np.searchsorted(self.grid, self.excitation.times), 1, self.grid.size - 1)
+        nearer = np.abs(self.grid[right - 1] - self.excitation.times) < np.abs(
+            self.grid[right] - self.excitation.times
+        )
+        return np.asarray(right - nearer)
+
+
+class _Cascade:
+    def __init__(
+        self, system: System, foreign: Foreign, cascade: Cascade, columns: Columns, engine: Engine
+    ) -> None:
+        self.system, self.foreign, self.cascade = system, foreign, cascade
+        self.columns, self.engine = columns, engine
+        self.pool: Pool = pool_of(foreign.program)
+        self.index = {name: k for k, name in enumerate(system.parameter_names)}
+        commands = cascade.commands.system
+        behind = [*foreign.drives, *commands.rhs, *(delay.expr for delay in commands.delays)]
+        self.of_commands = _names(behind) & set(self.index)
+        self.of_delays = _names([delay.expr for delay in commands.delays]) & set(self.index)
+        self.of_program = {one.name: one for one in foreign.program.parameters}
+        readings = cascade.readings.system
+        self.of_readings = _names([*readings.rhs, *(one.expr for one in readings.outputs)]) & set(self.index)
+        self.settable = {
+            name: k
+            for k, (name, port) in enumerate(zip(foreign.responses, foreign.program.starts, strict=True))
+            if port is not None
+        }
+
+    def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
+        courses = self._run(excitations)
+        wanted = [name for name in self.columns.parameters if name in self.of_readings]
+        states = [
+            name
+            for name in self.columns.initial
+            if name in self.cascade.readings.system.state_names and name not in self.foreign.responses
+        ]
+        read = self._read(courses, columns=wanted, initial_columns=states)
+        slopes = [np.zeros((*one.shape, len(self.columns.names))) for one in read.outputs]
+        failed = [self._failure(one) for one in courses]
+        good = [k for k, one in enumerate(failed) if one is None and read.failures[k] is None]
+        places = {name: k for k, name in enumerate(self.columns.names)}
+        for k in good:
+            for at, name in enumerate(read.columns):
+                slopes[k][:, :, places[name]] = read.sensitivities[k][:, :, at]
+        self._splines(excitations, good, courses, slopes, places)
+        self._differences(excitations, good, courses, read, slopes, places)
+        return self._trajectories(excitations, courses, read, slopes, failed)
+
+    def _trajectories(
+        self,
+        excitations: Sequence[Excitation],
+        courses: Sequence[_Courses],
+        read: Trajectories,
+        slopes: Sequence[Floats],
+        failed: Sequence[Failure | None],
+    ) -> Trajectories:
+        failures = [mine or theirs for mine, theirs in zip(failed, read.failures, strict=True)]
+        done = [
+            len(outputs)
+            if failure is None
+            else min(len(outputs), int(np.searchsorted(one.times, failure.time)))
+            for one, outputs, failure in zip(excitations, read.outputs, failures, strict=True)
+        ]
+        return Trajectories(
+            names=tuple(one.name for one in excitations),
+            times=tuple(one.times[:n] for one, n in zip(excitations, done, strict=True)),
+            states=tuple(self._states(k, read, excitations)[:n] for k, n in enumerate(done)),
+            outputs=tuple(one[:n] for one, n in zip(read.outputs, done, strict=True)),
+            sensitivities=[one[:n] for one, n in zip(slopes, done, strict=True)],
+            failures=tuple(failures),
+            state_names=self.system.state_names,
+            output_names=self.system.output_names,
+            columns=self.columns.names,
+            stats=tuple(Statistics(one.grid.size, 0, 0) for one in courses),
+        )
+
+    def _states(self, index: int, read: Trajectories, excitations: Sequence[Excitation]) -> Floats:
+        """(samples, states); those on which no reading depends are left at their start."""
+        known = read.states[index]
+        states = np.tile(excitations[index].initial, (len(known), 1))
+        for at, name in enumerate(read.state_names):
+            states[:, self.system.state_names.index(name)] = known[:, at]
+        return states
+
+    def _failure(self, courses: _Courses) -> Failure | None:
+        if not courses.reason:
+            return None
+        finite = np.isfinite(courses.values).all(axis=1)
+        at = float(courses.grid[int(np.argmin(finite))] if not finite.all() else courses.grid[-1])
+        return Failure(Cause.EQUATIONS, courses.reason, at)
+
+    # what the program is given, and what it answers
+
+    def _run(self, excitations: Sequence[Excitation], nudges: Sequence[Floats | None] = ()) -> list[_Courses]:
+        """The courses of records; `nudges` are what is added to the drives of each."""
+        grids = [
+            self._grid(one, times) for one, times in zip(excitations, self._acting(excitations), strict=True)
+        ]
+        drives = self._drives(excitations, grids)
+        jobs = []
+        for k, (one, (grid, jumps)) in enumerate(zip(excitations, grids, strict=True)):
+            nudge = nudges[k] if nudges else None
+            jobs.append(
+                Job(
+                    one.name,
+                    grid,
+                    drives[k] if nudge is None else drives[k] + nudge,
+                    jumps,
+                    np.array([one.parameters[self.index[name]] for name in self.of_program]),
+                    np.array(
+                        [one.initial[self.system.state_names.index(name)] for name in self.foreign.responses]
+                    ),
+                )
+            )
+        found: list[Simulated] = self.pool.run(jobs)
+        return [
+            _Courses(one, grid, result.values, result.reason)
+            for one, (grid, _), result in zip(excitations, grids, found, strict=True)
+        ]
+
+    def _drives(
+        self, excitations: Sequence[Excitation], grids: Sequence[tuple[Floats, Floats]]
+    ) -> list[Floats]:
+        """(intervals, inputs) of each record: the drives in the middle of each interval."""
+        found = self.engine(
+            self.cascade.commands,
+            [self._command(one, grid) for one, (grid, _) in zip(excitations, grids, strict=True)],
+        ).require()
+        return list(found.outputs)
+
+    def _command(self, excitation: Excitation, grid: Floats) -> Excitation:
+        system = self.cascade.commands.system
+        return replace(
+            excitation,
+            times=0.5 * (grid[1:] + grid[:-1]),
+            initial=self._initial(excitation, system),
+            shifts=None,
+        )
+
+    def _initial(self, excitation: Excitation, system: System) -> Floats:
+        return np.array(
+            [excitation.initial[self.system.state_names.index(name)] for name in system.state_names]
+        )
+
+    def _acting(self, excitations: Sequence[Excitation]) -> list[Floats]:
+        """The times at which commands act in each record: those of the switches, and with their delays."""
+        system = self.cascade.commands.system
+        if not system.delays:
+            return [one.switch_times for one in excitations]
+        moving = bool(_names([delay.expr for delay in system.delays]) & set(system.state_names))
+        states: Sequence[Floats] = [
+            np.tile(self._initial(one, system), (one.switch_times.size, 1)) for one in excitations
+        ]
+        if moving:
+            at = [
+                replace(self._command(one, one.switch_times), times=one.switch_times) for one in excitations
+            ]
+            states = self.engine(self.cascade.commands, at).require().states
+        return [
+            np.concatenate([one.switch_times, *self._delayed(one, each)])
+            for one, each in zip(excitations, states, strict=True)
+        ]
+
+    def _delayed(self, excitation: Excitation, states: Floats) -> list[Floats]:
+        system = self.cascade.commands.system
+        inputs = excitation.inputs
+        known: dict[str, Any] = dict(zip(system.parameter_names, excitation.parameters.tolist(), strict=True))
+        result = []
+        for delay in system.delays:
+            k = system.input_names.index(delay.input)
+            times = []
+            for at in range(1, excitation.switch_times.size):
+                if inputs[at, k] == inputs[at - 1, k]:
+                    continue
+                known |= dict(zip(system.state_names, states[at].tolist(), strict=True))
+                known[before(delay.input)], known[after(delay.input)] = inputs[at - 1, k], inputs[at, k]
+                times.append(excitation.switch_times[at] + max(evaluate(delay.expr, known), 0.0))
+            result.append(np.array(times))
+        return result
+
+    def _grid(self, excitation: Excitation, acting: Floats) -> tuple[Floats, Floats]:
+        """The points of a record, and whether a command acts at the beginning of each interval."""
+        begin = excitation.switch_times[0]
+        end = max(excitation.times[-1] if excitation.times.size else begin, begin)
+        step = _interval(excitation)
+        points = [np.array([begin]), excitation.times, acting]
+        if self.cascade.commands.system.states:
+            points += [acting + share * step for share in _AFTER]
+        if excitation.ramps is not None:
+            points.append(excitation.ramps.knots)
+        grid = np.unique(np.concatenate(points))
+        grid = grid[(grid >= begin) & (grid <= end)]
+        same = _SAME * max(end - begin, step)
+        grid = grid[np.concatenate([[True], np.diff(grid) > same])]
+        if grid.size < 2:
+            grid = np.array([begin, begin + step])
+        near = np.abs(grid[:-1, None] - acting[None, :]).min(axis=1) <= 2.0 * same
+        return grid, near.astype(np.float64)
+
+    # what is read of it
+
+    def _read(self, courses: Sequence[_Courses], **how: Any) -> Trajectories:
+        """The readings of what the program computed."""
+        return self.engine(self.cascade.readings, [self._reading(one) for one in courses], **how)
+
+    def _reading(self, courses: _Courses) -> Excitation:
+        one, system = courses.excitation, self.cascade.readings.system
+        values = np.nan_to_num(courses.values)
+        rates = np.diff(values, axis=0) / np.diff(courses.grid)[:, None]
+        held = np.clip(np.searchsorted(one.switch_times, courses.grid[:-1], side="right") - 1, 0, None)
+        initial = self._initial(one, system)
+        for k, name in enumerate(self.foreign.responses):
+            initial[system.state_names.index(name)] = values[0, k]
+        ramps = one.ramps
+        return Excitation(
+            one.times,
+            courses.grid[:-1],
+            np.hstack([one.inputs[held], rates]),
+            initial,
+            one.parameters,
+            one.name,
+            ramps=None if ramps is None else Ramps(ramps.inputs, ramps.knots, ramps.values),
+        )
+
+    # derivatives through the program
+
+    def _differences(
+        self,
+        excitations: Sequence[Excitation],
+        good: Sequence[int],
+        courses: Sequence[_Courses],
+        read: Trajectories,
+        slopes: Sequence[Floats],
+        places: dict[str, int],
+    ) -> None:
+        """Add the derivatives through the program to `slopes`."""
+        through = [
+            *(n for n in self.columns.parameters if n in self.of_commands or n in self.of_program),
+            *(n for n in self.columns.initial if n in self.settable),
+            *self.columns.shifts,
+        ]
+        if not through or not good:
+            return
+        changes = {name: self._change(name, [excitations[k] for k in good], courses) for name in through}
+        for name in through:
+            if name not in self.cascade.step_sizes:
+                self._try_steps(name, changes[name], excitations, good, courses, read)
+        pieces = [(name, k) for name in through for k in good]
+        found = self._slopes(
+            [(changes[name], self.cascade.step_sizes[name][0], k) for name, k in pieces],
+            excitations,
+            courses,
+            read,
+        )
+        for (name, k), slope in zip(pieces, found, strict=True):
+            slopes[k][:, :, places[name]] += slope
+
+    def _try_steps(
+        self,
+        name: str,
+        change: _Change,
+        excitations: Sequence[Excitation],
+        good: Sequence[int],
+        courses: Sequence[_Courses],
+        read: Trajectories,
+    ) -> None:
+        """Choose the step of a column: the largest that agrees with a smaller one, else of the best pair."""
+        some = list(good[:_TRIED])
+        tried: list[Floats] = []
+        best = (np.inf, _SMALLER[0])
+        for share in _SMALLER:
+            found = self._slopes([(change, share, k) for k in some], excitations, courses, read)
+            tried.append(np.concatenate([one.ravel() for one in found]))
+            if len(tried) < 2:
+                continue
+            size = max(float(np.linalg.norm(tried[-1])), float(np.linalg.norm(tried[-2])))
+            apart = float(np.linalg.norm(tried[-1] - tried[-2])) / size if size else 0.0
+            best = min(best, (apart, _SMALLER[len(tried) - 2]))
+            if apart < _AGREE:
+                break
+        self.cascade.step_sizes[name] = (best[1], best[0])
+
+    def _slopes(
+        self,
+        pieces: Sequence[tuple[_Change, float, int]],
+        excitations: Sequence[Excitation],
+        courses: Sequence[_Courses],
+        read: Trajectories,
+    ) -> list[Floats]:
+        """(samples, outputs) the derivative of each piece: a change, the share of its step, a record."""
+        moved: list[Excitation] = []
+        ends: list[tuple[int, float]] = []  # of each: piece, step
+        for at, (change, share, k) in enumerate(pieces):
+            for step in change.steps(excitations[k], share):
+                moved.append(change.moved(excitations[k], step))
+                ends.append((at, step))
+        runs = self._run(moved)
+        outputs = self._moved_outputs(runs, [pieces[at][2] for at, _ in ends], courses, read)
+        of_piece: dict[int, list[tuple[float, Floats]]] = {}
+        for (at, step), each in zip(ends, outputs, strict=True):
+            of_piece.setdefault(at, []).append((step, each))
+        return [_slope(of_piece[at]) for at in range(len(pieces))]
+
+    def _moved_outputs(
+        self,
+        runs: Sequence[_Courses],
+        records: Sequence[int],
+        courses: Sequence[_Courses],
+        read: Trajectories,
+    ) -> list[Floats]:
+        """(samples, outputs) each minus the record's own outputs."""
+        where = self._passed(read, records)
+        if where is not None:
+            return [
+                _or_nan(run, (run.at_samples - courses[k].at_samples)[:, where])
+                for run, k in zip(runs, records, strict=True)
+            ]
+        # derivatives through the program alone: the equations of the readings keep their parameters
+        own = [
+            replace(run, excitation=replace(run.excitation, parameters=courses[k].excitation.parameters))
+            for run, k in zip(runs, records, strict=True)
+        ]
+        found = self._read(own)
+        return [
+            _or_nan(run, outputs - read.outputs[k])
+            if len(outputs) == len(read.outputs[k])
+            else np.full_like(read.outputs[k], np.nan)
+            for run, outputs, k in zip(runs, found.outputs, records, strict=True)
+        ]
+
+    def _passed(self, read: Trajectories, records: Sequence[int]) -> list[int] | None:
+        """For each output the program's that it equals; None if effects change one of them."""
+        names, where = list(read.state_names), []
+        for output in range(len(self.system.outputs)):
+            equal = [
+                k
+                for k, response in enumerate(self.foreign.responses)
+                if all(
+                    np.array_equal(read.outputs[r][:, output], read.states[r][:, names.index(response)])
+                    for r in set(records)
+                )
+            ]
+            expr = self.system.outputs[output].expr
+            equal = [k for k in equal if self.foreign.responses[k] in _names([expr])]
+            if not equal:
+                return None
+            where.append(equal[0])
+        return where
+
+    def _change(self, name: str, excitations: Sequence[Excitation], courses: Sequence[_Courses]) -> _Change:
+        """How a column is differenced."""
+        if name in self.columns.shifts:
+            return _Change("shift", self.columns.shifts.index(name))
+        if name in self.settable:
+            k = self.system.state_names.index(name)
+            return _Change("initial", k, self.system.states[k].scale)
+        k = self.index[name]
+        if name in self.of_program:
+            return _Change(
+                "parameter", k, _SHARE * max(abs(self._nominal(k)), self.of_program[name].scale * 1e-3)
+            )
+        if name in self.of_delays:
+            return _Change("parameter", k, _MOVED * _interval(excitations[0]))
+        return _Change("parameter", k, self._command_step(name, excitations))
+
+    def _nominal(self, k: int) -> float:
+        return self.system.parameters[k].value
+
+    def _command_step(self, name: str, excitations: Sequence[Excitation]) -> float:
+        """A step of a parameter that changes the drives by a share of their mean magnitude."""
+        changed = scale = 0.0
+        for one in excitations[:_TRIED]:
+            grid, _ = self._grid(one, one.switch_times)
+            found = self.engine(self.cascade.commands, [self._command(one, grid)], columns=[name]).require()
+            share = np.diff(grid)[:, None] / (grid[-1] - grid[0])
+            changed += float(np.sum(share[:, :, None] * np.abs(found.sensitivities[0])))
+            scale += float(np.sum(share * np.abs(found.outputs[0])))
+        return _SHARE * (scale or 1.0) / changed if changed > 0.0 else _SHARE
+
+    def _splines(
+        self,
+        excitations: Sequence[Excitation],
+        good: Sequence[int],
+        courses: Sequence[_Courses],
+        slopes: Sequence[Floats],
+        places: dict[str, int],
+    ) -> None:
+        """Columns for the shapes of terms: at the readings by the engine, at the commands in its direction."""
+        splines = self.columns.splines
+        if not splines.columns or not good:
+            return
+        some = [courses[k] for k in good]
+        names = {name for one in splines.columns for name in one.parameters}
+        arguments = {name for one in splines.arguments for name in one.weights}
+        system = self.cascade.readings.system
+        first = places["spline 0"]
+        if names & self.of_readings and arguments <= {*system.state_names, *system.input_names}:
+            read = self._read(some, splines=splines)
+            for at, k in enumerate(good):
+                slopes[k][:, :, first : first + len(splines.columns)] += read.sensitivities[at]
+        commands = self.cascade.commands.system
+        if not (names & self.of_commands and arguments <= {*commands.state_names, *commands.input_names}):
+            return
+        moved: list[Excitation] = []
+        nudges: list[Floats | None] = []
+        steps: list[float] = []
+        for k in good:
+            one = excitations[k]
+            found = self.engine(
+                self.cascade.commands, [self._command(one, courses[k].grid)], splines=splines
+            ).require()
+            for column in range(len(splines.columns)):
+                slope = found.sensitivities[0][:, :, column]
+                size = float(np.abs(slope).mean())
+                step = _SHARE * (float(np.abs(found.outputs[0]).mean()) or 1.0) / size if size else 0.0
+                for sign in (1.0, -1.0):
+                    moved.append(one)
+                    nudges.append(sign * step * slope)
+                    steps.append(step)
+        runs = self._run(moved, nudges)
+        records = [k for k in good for _ in range(2 * len(splines.columns))]
+        base = self._read(courses)
+        outputs = self._moved_outputs(runs, records, courses, base)
+        for number, k in enumerate(records[::2]):
+            step = steps[2 * number]
+            if step:
+                slope = (outputs[2 * number] - outputs[2 * number + 1]) / (2.0 * step)
+                slopes[k][:, :, first + number % len(splines.columns)] += slope
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What is moved for one column: a parameter or an initial state by its index, or the switches.
+
+    Attributes
+    ----------
+    size: the usual step, SI; of switches it follows from the record.
+    """
+
+    kind: str
+    index: int
+    size: float = 1.0
+
+    def steps(self, excitation: Excitation, share: float) -> tuple[float, float]:
+        """Two steps from the point: to either side, or where its value is 0 both to one."""
+        if self.kind == "shift":
+            assert excitation.shifts is not None  # noqa: S101 - it has the columns
+            most = float(np.abs(excitation.shifts[:, self.index]).max(initial=0.0))
+            step = share * _MOVED * _interval(excitation) / (most or 1.0)
+            return step, -step
+        step = share * self.size
+        if self.kind == "initial":
+            return step, -step
+        value = float(excitation.parameters[self.index])
+        if abs(value) <= step:
+            return (-step, -0.5 * step) if value < 0.0 else (step, 0.5 * step)
+        return step, -step
+
+    def moved(self, excitation: Excitation, step: float) -> Excitation:
+        """The record moved by a step."""
+        if self.kind == "shift":
+            assert excitation.shifts is not None  # noqa: S101
+            times = excitation.switch_times + step * excitation.shifts[:, self.index]
+            times = np.maximum.accumulate(np.maximum(times, excitation.switch_times[0]))
+            return replace(excitation, switch_times=times)
+        if self.kind == "initial":
+            initial = excitation.initial.copy()
+            initial[self.index] += step
+            return replace(excitation, initial=initial)
+        parameters = excitation.parameters.copy()
+        parameters[self.index] += step
+        return replace(excitation, parameters=parameters)
+
+
+def _slope(ends: Sequence[tuple[float, Floats]]) -> Floats:
+    """The derivative from two differences to the point: the parabola through the three."""
+    (a, at_a), (b, at_b) = ends
+    if not np.isfinite(at_a).all():
+        return at_b / b
+    if not np.isfinite(at_b).all():
+        return at_a / a
+    return np.asarray((at_a * b / a - at_b * a / b) / (b - a))
+
+
+def _or_nan(run: _Courses, values: Floats) -> Floats:
+    return values if not run.reason else np.full_like(values, np.nan)
+
+
+def _interval(excitation: Excitation) -> float:
+    """The usual time from sample to sample, s."""
+    if excitation.times.size < 2:
+        return 1.0
+    return float(np.median(np.diff(excitation.times))) or 1.0
+
+
+def _names(exprs: Sequence[Expr]) -> set[str]:
+    return {variable.name for expr in exprs for variable in variables_of(expr)}
