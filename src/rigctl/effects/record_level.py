@@ -257,11 +257,19 @@ def record_level(family: ModelFamily) -> RecordLevel:
             starts=tuple(
                 Start(s.name, "measured" if s.name in read else "given", rest=s.start_std)
                 for s in family.states
-                if s.name in read or s.start_std > 0.0
+                if (s.name in read or s.start_std > 0.0) and s.name not in _unsettable(family)
             )
         )
     effect = level.effect or _nothing(family)
     return replace(level, effect=replace(effect, parameters=(*effect.parameters, *_SWITCHING)))
+
+
+def _unsettable(family: ModelFamily) -> set[str]:
+    """The outputs of an FMU whose value at the start cannot be set."""
+    if family.program is None:
+        return set()
+    pairs = zip(family.program.outputs, family.program.starts, strict=True)
+    return {one.name for one, start in pairs if start is None}
 
 
 _SWITCHING = tuple(

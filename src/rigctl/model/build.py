@@ -13,6 +13,7 @@ from rigctl.engine.system import System, SystemBuilder, after, before
 from rigctl.errors import RigctlError
 from rigctl.model.reading_errors import CalibrationError, true_input
 from rigctl.model.values import choices, parameter_values
+from rigctl.physics.derived_slots import input_slot, per_second
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
@@ -73,6 +74,9 @@ def build_system(
         options=choices(chosen, rig),
     )
     _write_equations(builder, chosen, scope, [effect for effect, _ in used])
+    if chosen.program is not None:
+        drives = [scope[item.name] + scope.total(input_slot(item.name)) for item in chosen.inputs]
+        builder.foreign(chosen.program, drives, [per_second(state.unit) for state in chosen.states])
     for output in chosen.outputs:
         if rig is None or output.name in rig.channels:
             builder.output(output.name, output.unit, output.formula(scope))

@@ -17,6 +17,7 @@ from rigctl.physics.standard_record import StandardRecord
 from rigctl.physics.standing import Standing
 
 if TYPE_CHECKING:
+    from rigctl.fmu.program import Program
     from rigctl.physics.interpolation import Curve
     from rigctl.physics.scope import Scope
 
@@ -182,6 +183,7 @@ class ModelFamily:
     rig_names: parameters by their names in a rig file, where these differ.
     standard_record: on which effects are tried and plotted.
     tables: look-up tables, for `Scope.table`.
+    program: the FMU that computes its states, which are then the FMU's outputs.
     generic: whether generic effects are offered at its slots; the shipped families have a library instead.
     """
 
@@ -199,6 +201,7 @@ class ModelFamily:
     standard_record: StandardRecord | None = None
     tables: Mapping[str, Curve] = field(default_factory=dict)
     generic: bool = True
+    program: Program | None = None
 
     def __repr__(self) -> str:
         """One-line representation."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.family_checks import examine_family
 from rigctl.physics.user.declare import declare
+from rigctl.physics.user.fmu import fmu_family
 from rigctl.physics.user.equations import write_equations
 from rigctl.physics.user.record import read_record
 from rigctl.physics.user.schema import FamilyFile
@@ -43,6 +44,8 @@ def parse_family(text: str, path: Path | None = None, taken: Iterable[str] = ())
 
 
 def _build(document: Document, taken: Iterable[str]) -> ModelFamily:
+    if isinstance(document.data, Mapping) and "fmu" in document.data:
+        return fmu_family(document, taken)
     written = validate(document, FamilyFile)
     reader = Reader(document)
     if written.family in taken:
