@@ -29,7 +29,8 @@ def simulated(
 ) -> NDArray[np.float64]:
     about = read_description(path)
     points = step * np.arange(len(drives))
-    with FmuProcess(about, ["u"], ["y"], list(starts), patience=patience) as process:
+    ports = ([about.port(name) for name in names] for names in (["u"], ["y"], starts))
+    with FmuProcess(about.path, about.kind, *ports, patience=patience) as process:
         twice = [
             process.simulate("record r", "simulation 1 of 1", points, np.array(drives)[:, None], starts)
             for _ in range(2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import threading
 import time
@@ -12,20 +11,22 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.child_process import module_command
 from rigctl.errors import ExitCode, Location, RigctlError
-from rigctl.fmu.description import Description, Port
-from rigctl.json_values import parse_json
+from rigctl.fmu.description import Kind, Port
+from rigctl.fmu.worker import read_message, write_message
 
 Floats = NDArray[np.float64]
 
 #: longest time of one simulation by default, and in any case that of the start with its imports, s
 PATIENCE: Final = 60.0
+#: why a simulation failed, and its rows
+_Answer: TypeAlias = tuple[str, list[Floats]]
 #: interval at which Ctrl-C is looked for, s
 _LOOK: Final = 0.2
 
@@ -35,27 +36,28 @@ class FmuProcess:
 
     Parameters
     ----------
-    inputs, outputs: names of the variables that are connected.
-    starts: names of those that are set before a simulation.
+    path, kind: of the FMU, and how it is simulated.
+    inputs, outputs: the variables that are connected.
+    starts: those that are set before a simulation.
     patience: longest time of one simulation, s.
     slow: what to do if that is too short.
     """
 
     def __init__(
         self,
-        about: Description,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        starts: Sequence[str],
+        path: Path,
+        kind: Kind,
+        inputs: Sequence[Port],
+        outputs: Sequence[Port],
+        starts: Sequence[Port],
         *,
         patience: float = PATIENCE,
         slow: str = "",
     ) -> None:
-        self._about, self._patience, self._slow = about, patience, slow
-        self._inputs, self._outputs, self._starts = (
-            [about.port(name) for name in names] for names in (inputs, outputs, starts)
-        )
-        self._answers: SimpleQueue[bytes] = SimpleQueue()
+        self._path, self._kind, self._patience, self._slow = path, kind, patience, slow
+        self._inputs, self._outputs, self._starts = inputs, outputs, starts
+        self._of_inputs, self._of_outputs, self._of_starts = map(_scale, (inputs, outputs, starts))
+        self._answers: SimpleQueue[_Answer | None] = SimpleQueue()
 
     def __enter__(self) -> Self:
         self._folder = TemporaryDirectory(prefix="rigctl-fmu-", ignore_cleanup_errors=True)
@@ -68,17 +70,18 @@ class FmuProcess:
         self._reader = threading.Thread(target=self._read_answers, daemon=True)
         self._reader.start()
         setup = {
-            "fmu": str(self._about.path.resolve()),
+            "fmu": str(self._path.resolve()),
             "folder": str(Path(self._folder.name) / "unpacked"),
-            "kind": self._about.kind,
+            "kind": self._kind,
             "inputs": [one.reference for one in self._inputs],
             "outputs": [one.reference for one in self._outputs],
+            "starts": [one.reference for one in self._starts],
             "names": [one.name for one in self._outputs],
         }
         try:
-            answer = self._ask(setup, "been loaded", max(self._patience, PATIENCE))
-            if "reason" in answer:
-                raise self._error(f"the FMU does not start: {answer['reason']}")
+            reason, _ = self._ask("been loaded", max(self._patience, PATIENCE), setup)
+            if reason:
+                raise self._error(f"the FMU does not start: {reason}")
         except BaseException:
             self.__exit__(None, None, None)
             raise
@@ -113,25 +116,30 @@ class FmuProcess:
         RigctlError
             the FMU fails, returns what is no finite number, crashes, or does not return in time.
         """
-        job = {
-            "points": points.tolist(),
-            "drives": _written(self._inputs, drives).tolist(),
-            "starts": {
-                one.reference: (starts[one.name] - one.offset) / one.factor
-                for one in self._starts
-                if one.name in starts
-            },
-        }
-        answer = self._ask(job, f"finished {which}", self._patience)
-        if "reason" in answer:
-            raise RigctlError(
-                f"the FMU failed in {where} at {answer['reason']}", where=Location(self._about.path)
-            )
-        rows = np.asarray(answer["rows"], dtype=np.float64).reshape(len(points), len(self._outputs))
-        factors, offsets = _scale(self._outputs)
-        return np.asarray(rows * factors + offsets)
+        values = np.array([starts.get(one.name, np.nan) for one in self._starts], dtype=np.float64)
+        reason, rows = self.attempt(which, points, drives, values)
+        if reason:
+            raise RigctlError(f"the FMU failed in {where} at {reason}", where=Location(self._path))
+        return rows
 
-    def _ask(self, command: Mapping[str, Any], what: str, patience: float) -> dict[str, Any]:
+    def attempt(self, which: str, points: Floats, drives: Floats, starts: Floats) -> tuple[str, Floats]:
+        """When and why the FMU fails, "" if it does not, and its outputs until then, NaN from there on.
+
+        Parameters
+        ----------
+        starts: in the order of the variables that are set; NaN where the FMU's own value is to hold.
+
+        Raises
+        ------
+        RigctlError
+            the FMU crashes, or does not return in time.
+        """
+        written = (_written(self._of_inputs, drives), _written(self._of_starts, starts))
+        reason, rows = self._ask(f"finished {which}", self._patience, {}, points, *written)
+        factors, offsets = self._of_outputs
+        return reason, np.asarray(rows[0] * factors + offsets)
+
+    def _ask(self, what: str, patience: float, command: Mapping[str, Any], *arrays: Floats) -> _Answer:
         """The answer to a command.
 
         Raises
@@ -141,35 +149,32 @@ class FmuProcess:
         """
         assert self._child.stdin is not None  # noqa: S101 - it is a pipe
         with suppress(OSError):  # it has ended: so do its answers
-            self._child.stdin.write(json.dumps(command).encode() + b"\n")
-            self._child.stdin.flush()
+            write_message(self._child.stdin, command, *arrays)
         latest = time.monotonic() + patience
         while time.monotonic() < latest:
             with suppress(Empty):
-                line = self._answers.get(timeout=_LOOK)
-                if not line:
+                answer = self._answers.get(timeout=_LOOK)
+                if answer is None:
                     raise self._error(f"the FMU has crashed (exit code {self._child.wait()})")
-                answer: dict[str, Any] = parse_json(line)
                 return answer
         raise self._error(f"the FMU has not {what} in {patience:g} s", self._slow)
 
     def _error(self, what: str, hint: str = "") -> RigctlError:
-        return RigctlError(
-            what, where=Location(self._about.path), hint=hint or None, exit_code=ExitCode.FAILED
-        )
+        return RigctlError(what, where=Location(self._path), hint=hint or None, exit_code=ExitCode.FAILED)
 
     def _read_answers(self) -> None:
-        """Forward the lines of the process, b"" at their end; in a thread, because reading one blocks."""
-        for line in self._child.stdout or ():
-            self._answers.put(line)
-        self._answers.put(b"")
+        """Forward the answers of the process, None at their end; in a thread, because reading one blocks."""
+        assert self._child.stdout is not None  # noqa: S101 - it is a pipe
+        while (message := read_message(self._child.stdout)) is not None:
+            self._answers.put((str(message[0]["reason"]), message[1]))
+        self._answers.put(None)
 
 
 def _scale(ports: Sequence[Port]) -> tuple[Floats, Floats]:
     return np.array([one.factor for one in ports]), np.array([one.offset for one in ports])
 
 
-def _written(ports: Sequence[Port], values: Floats) -> Floats:
+def _written(scale: tuple[Floats, Floats], values: Floats) -> Floats:
     """SI values in the FMU's units."""
-    factors, offsets = _scale(ports)
+    factors, offsets = scale
     return np.asarray((values - offsets) / factors)

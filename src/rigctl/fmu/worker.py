@@ -1,19 +1,25 @@
 """Simulates an FMU in a process of its own: ``python -m rigctl.fmu.worker``, commanded through its pipes.
 
-An FMU is a compiled program: if it crashes or never returns, only this process is lost. Commands and answers
-are JSON documents of one line each. The first command names the FMU, a folder to unpack it in, and its
-connected variables; each further one is a simulation: its points in time, the inputs from each of them to the
-next, and what is set before it starts. All values are in the FMU's units.
+An FMU is a compiled program: if it crashes or never returns, only this process is lost. A message is one line
+of JSON, followed by the bytes of arrays of doubles whose shapes it gives. The first command names the FMU, a
+folder to unpack it in, and its connected variables; each further one is a simulation: its points in time, the
+inputs from each of them to the next, and what is set before it starts. All values are in the FMU's units.
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 #: relative tolerance of integrations
 _TOLERANCE = 1e-8
@@ -21,56 +27,144 @@ _TOLERANCE = 1e-8
 _MOST_STEPS, _MOST_EVENTS = 20_000, 1000
 #: states between two points at which a derivative is not finite, as it may be beyond the range of a model
 _MOST_REFUSED = 100
+#: bytes of a double, and the statuses of a call that was successful: OK and warning
+_DOUBLE, _FINE = 8, (0, 1)
+
+
+def write_message(stream: BinaryIO, content: Mapping[str, Any], *arrays: Floats) -> None:
+    """Send a message."""
+    head = {**content, "shapes": [list(one.shape) for one in arrays]}
+    stream.write(json.dumps(head).encode() + b"\n")
+    stream.writelines(np.ascontiguousarray(one, dtype=np.float64).tobytes() for one in arrays)
+    stream.flush()
+
+
+def read_message(stream: BinaryIO) -> tuple[dict[str, Any], list[Floats]] | None:
+    """The next message; None at the end."""
+    line = stream.readline()
+    if not line.endswith(b"\n"):
+        return None
+    content: dict[str, Any] = json.loads(line)
+    arrays = []
+    for shape in content.pop("shapes"):
+        size = _DOUBLE * math.prod(shape)
+        data = stream.read(size)
+        if len(data) < size:
+            return None
+        arrays.append(np.frombuffer(data, dtype=np.float64).reshape(shape))
+    return content, arrays
+
+
+class _Calls:
+    """The functions that are called at every point, without FMPy between, which would take most of the time."""
+
+    def __init__(self, fmu: Any, two: bool) -> None:
+        self.two = two
+        size, real, flag = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
+        at = [size, size, size, size] if two else [size, size, size, size, size]
+
+        def function(name: str, *arguments: Any) -> Callable[..., int]:
+            address = ctypes.cast(getattr(fmu.dll, name), ctypes.c_void_p).value
+            found: Callable[..., int] = ctypes.CFUNCTYPE(ctypes.c_int, *arguments)(address or 0)
+            return found
+
+        self.set = function("fmi2SetReal" if two else "fmi3SetFloat64", *at)
+        self.get = function("fmi2GetReal" if two else "fmi3GetFloat64", *at)
+        rest = [ctypes.c_int] if two else [ctypes.c_bool, flag, flag, flag, flag]
+        self.step = (
+            function("fmi2DoStep" if two else "fmi3DoStep", size, real, real, *rest)
+            if hasattr(fmu, "doStep")
+            else None
+        )
 
 
 class _Instance:
-    """One instance of an FMU, for one simulation; the names of FMI 2.0 and 3.0 differ."""
+    """One instance of an FMU, for one simulation; the names of FMI 2.0 and 3.0 differ.
 
-    def __init__(self, setup: Mapping[str, Any], description: Any) -> None:
-        from fmpy.simulation import instantiate_fmu
+    Attributes
+    ----------
+    drives: (points - 1, inputs) or more.
+    rows: (points, outputs), of which the first `done` have been read.
+    """
 
-        self.time = 0.0
-        self.about = description
-        self.two = description.fmiVersion == "2.0"
-        self.fmu: Any = instantiate_fmu(setup["folder"], description, setup["kind"])
-        self._set, self._get = (
-            (self.fmu.setReal, self.fmu.getReal) if self.two else (self.fmu.setFloat64, self.fmu.getFloat64)
-        )
-        self._setup = setup
+    def __init__(
+        self, fmu: Any, calls: _Calls, setup: Mapping[str, Any], about: Any, drives: Floats, points: int
+    ) -> None:
+        self.time, self.done = 0.0, 0
+        self.fmu, self.about, self.two = fmu, about, calls.two
+        fmu.instantiate()
+        self.drives = np.ascontiguousarray(drives)
+        self.rows = np.full((points, len(setup["outputs"])), np.nan)
+        self._calls = calls
+        self._references = {
+            name: np.array(setup[name], dtype=np.uint32) for name in ("inputs", "outputs", "starts")
+        }
+        self._component = int(fmu.component)
+        self._writes = self._access("inputs", self.drives)
+        self._reads = self._access("outputs", self.rows)
 
-    def give(self, row: Sequence[float]) -> None:
-        """Set the inputs."""
-        if row:
-            self._set(self._setup["inputs"], row)
+    def _access(self, ports: str, values: Floats) -> tuple[int, int, int, int]:
+        """Address of references, their number, address of the values, bytes of a row."""
+        count = len(self._references[ports])
+        return self._references[ports].ctypes.data, count, values.ctypes.data, count * _DOUBLE
 
-    def read(self) -> list[float]:
-        """The outputs, all finite: one that is not would count as one that the FMU does not have."""
-        values: list[float] = self._get(self._setup["outputs"])
-        for name, value in zip(self._setup["names"], values, strict=True):
-            if not math.isfinite(value):
-                raise ValueError(f"{name} is {value}")
-        return values
+    def give(self, k: int) -> None:
+        """Set the inputs that hold from point k on."""
+        self._call(self._calls.set, "setting its inputs", self._writes, k)
 
-    def begin(self, time: float, row: Sequence[float], starts: Mapping[str, float]) -> None:
-        """Initialise, with values by reference that are set first."""
+    def read(self, k: int) -> None:
+        """Read the outputs at point k."""
+        self._call(self._calls.get, "reading its outputs", self._reads, k)
+        self.done = k + 1
+
+    def _call(
+        self, function: Callable[..., int], what: str, access: tuple[int, int, int, int], k: int
+    ) -> None:
+        references, count, values, stride = access
+        if not count:
+            return
+        row = values + k * stride
+        if self.two:
+            status = function(self._component, references, count, row)
+        else:
+            status = function(self._component, references, count, row, count)
+        if status not in _FINE:
+            raise ValueError(f"{what} failed with status {status}")
+
+    def begin(self, time: float, starts: Floats) -> None:
+        """Initialise, with values that are set first; one that is not a number keeps the FMU's own."""
         self.time = time
         if self.two:
             self.fmu.setupExperiment(startTime=time, tolerance=_TOLERANCE)
-        if starts:
-            self._set([int(reference) for reference in starts], list(starts.values()))
-        self.give(row)
+        known = np.isfinite(starts)
+        if known.any():
+            references = self._references["starts"][known].tolist()
+            (self.fmu.setReal if self.two else self.fmu.setFloat64)(references, starts[known].tolist())
+        self.give(0)
         if self.two:
             self.fmu.enterInitializationMode()
         else:
             self.fmu.enterInitializationMode(startTime=time, tolerance=_TOLERANCE)
         self.fmu.exitInitializationMode()
 
-    def step(self, end: float) -> None:
-        """Let a co-simulation FMU go on until `end`."""
-        ends = self.fmu.doStep(currentCommunicationPoint=self.time, communicationStepSize=end - self.time)
-        if not self.two and ends[1]:
-            raise ValueError("it asks to end the simulation")
-        self.time = end
+    def co_simulate(self, points: Sequence[float], changed: Sequence[bool]) -> None:
+        """Let a co-simulation FMU go from point to point."""
+        do, component = self._calls.step, self._component
+        assert do is not None  # noqa: S101 - it is one for co-simulation
+        flags = np.zeros(4, dtype=np.bool_)
+        last = np.zeros(1)
+        at = flags.ctypes.data
+        rest = (1,) if self.two else (True, at, at + 1, at + 2, last.ctypes.data)
+        for k, end in enumerate(points[1:]):
+            if changed[k]:
+                self.give(k)
+            begin, self.time = self.time, end
+            status = do(component, begin, end - begin, *rest)
+            if status not in _FINE:
+                raise ValueError(f"a step failed with status {status}")
+            if flags[1]:
+                raise ValueError("it asks to end the simulation")
+            self.read(k + 1)
 
     def events(self) -> float:
         """Update discrete states until they rest; the time of the next event, infinite if none is known."""
@@ -83,6 +177,10 @@ class _Instance:
                 self.fmu.enterContinuousTimeMode()
                 return float(following) if defined else math.inf
         raise ValueError("its discrete states do not come to rest")
+
+    def free(self) -> None:
+        """Free it, but not its program."""
+        (self.fmu.fmi2FreeInstance if self.two else self.fmu.fmi3FreeInstance)(self.fmu.component)
 
 
 class _Held:
@@ -147,10 +245,10 @@ class _Integration:
             maxNumSteps=_MOST_STEPS,
         )
 
-    def give(self, row: Sequence[float]) -> None:
-        """Set the inputs, which jump: an event."""
+    def give(self, k: int) -> None:
+        """Set the inputs, which jump at point k: an event."""
         self._fmu.enterEventMode()
-        self._one.give(row)
+        self._one.give(k)
         self._resume()
 
     def step(self, end: float) -> None:
@@ -178,63 +276,88 @@ class _Integration:
         self._solver.reset(self._one.time)
 
 
-def _simulated(setup: Mapping[str, Any], description: Any, job: Mapping[str, Any]) -> list[list[float]]:
-    """The outputs at each point: at a switch, those before it."""
-    points, drives = job["points"], job["drives"]
-    time = points[0]
-    one = None
+def _simulated(program: _Program, points: Floats, drives: Floats, starts: Floats) -> tuple[str, Floats]:
+    """Why it failed and when, "" if it did not; and the outputs at each point until then, NaN after it.
+
+    At a switch the outputs are those before it.
+    """
+    times, one = points.tolist(), None
+    changed = [False, *(drives[1:] != drives[:-1]).any(axis=1).tolist()]
+    rows = np.full((len(times), len(program.setup["outputs"])), np.nan)
+    reason = ""
     try:
-        one = _Instance(setup, description)
-        one.begin(time, drives[0], job["starts"])
-        forward = one if setup["kind"] == "CoSimulation" else _Integration(one)
-        rows = [one.read()]
-        for k, time in enumerate(points[1:]):
-            if k and drives[k] != drives[k - 1]:
-                forward.give(drives[k])
-            forward.step(time)
-            rows.append(one.read())
+        one = program.instance(drives, len(times))
+        rows = one.rows
+        one.begin(times[0], starts)
+        one.read(0)
+        if program.setup["kind"] == "CoSimulation":
+            one.co_simulate(times, changed)
+        else:
+            integration = _Integration(one)
+            for k, end in enumerate(times[1:]):
+                if changed[k]:
+                    integration.give(k)
+                integration.step(end)
+                one.read(k + 1)
         one.fmu.terminate()
-    except Exception as problem:
-        raise ValueError(f"{time:.4g} s: {str(problem) or type(problem).__name__}") from problem
+    except Exception as problem:  # whatever the FMU or FMPy refuses
+        when = times[0] if one is None else one.time
+        reason = f"{when:.4g} s: {str(problem) or type(problem).__name__}"
     finally:
         if one is not None:
-            one.fmu.freeInstance()
-    return rows
+            one.free()
+    if one is not None:
+        good = np.isfinite(rows[: one.done])
+        if not good.all():
+            row = int(np.argmin(good.all(axis=1)))
+            name = program.setup["names"][int(np.argmin(good[row]))]
+            reason = f"{times[row]:.4g} s: {name} is not a number"
+            rows[row:] = np.nan
+    return reason, rows
 
 
-def _opened(setup: Mapping[str, Any]) -> Any:
-    """Unpack the FMU, and import what its simulations need, which is not counted as their time."""
-    import fmpy.simulation
-    from fmpy import extract, read_model_description
+class _Program:
+    """An FMU, unpacked and loaded. Loading imports what simulations need, which is not counted as their time."""
 
-    if setup["kind"] == "ModelExchange":
-        import fmpy.sundials  # noqa: F401 - there is none for some computers
+    def __init__(self, setup: Mapping[str, Any]) -> None:
+        from fmpy import extract, read_model_description
+        from fmpy.simulation import instantiate_fmu
 
-    extract(setup["fmu"], setup["folder"])
-    return read_model_description(setup["fmu"])
+        if setup["kind"] == "ModelExchange":
+            import fmpy.sundials  # noqa: F401 - there is none for some computers
+        self.setup = setup
+        extract(setup["fmu"], setup["folder"])
+        self._about = read_model_description(setup["fmu"])
+        # the instance is not used: each simulation has its own
+        self._fmu: Any = instantiate_fmu(setup["folder"], self._about, setup["kind"])
+        two = self._about.fmiVersion == "2.0"
+        (self._fmu.fmi2FreeInstance if two else self._fmu.fmi3FreeInstance)(self._fmu.component)
+        self._calls = _Calls(self._fmu, two)
+
+    def instance(self, drives: Floats, points: int) -> _Instance:
+        """A new instance."""
+        return _Instance(self._fmu, self._calls, self.setup, self._about, drives, points)
 
 
 def main() -> None:
     """Answer until the commands end. What the FMU prints goes nowhere, as stdout carries the answers."""
     commands = sys.stdin.buffer
     nowhere = os.open(os.devnull, os.O_RDWR)
-    setup: dict[str, Any] = {}
-    description: Any = None
+    program: _Program | None = None
     with os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(nowhere, 1)
-        for line in commands:
-            command = json.loads(line)
-            answer: dict[str, Any] = {}
+        while (message := read_message(commands)) is not None:
+            setup, arrays = message
+            if program is not None:
+                reason, rows = _simulated(program, *arrays)
+                write_message(answers, {"reason": reason}, rows)
+                continue
+            reason = ""
             try:
-                if not setup:
-                    setup = command
-                    description = _opened(setup)
-                else:
-                    answer["rows"] = _simulated(setup, description, command)
+                program = _Program(setup)
             except Exception as problem:  # noqa: BLE001 - whatever the FMU or FMPy refuses
-                answer = {"reason": str(problem) or type(problem).__name__}
-            answers.write(json.dumps(answer).encode() + b"\n")
-            answers.flush()
+                reason = str(problem) or type(problem).__name__
+            write_message(answers, {"reason": reason})
 
 
 if __name__ == "__main__":

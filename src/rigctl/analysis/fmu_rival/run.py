@@ -102,16 +102,19 @@ class _Simulations:
         self._channels = channels
         self._inputs = _columns_of_inputs(about, problem.measurements.inputs)
         self.outputs = _common_outputs(about, channels)
-        self._starts = {name: start for name in channels if (start := about.start_of(name)) is not None}
+        starts = {name: start for name in channels if (start := about.start_of(name)) is not None}
+        self._starts = starts
         self.columns = [column for column, name in enumerate(channels) if name in self._starts]
         each = len(self.columns) + 2 if self.columns else 1
         self._name, self._on_progress = about.path.name, on_progress
         self._number, self._count = 0, each * len(problem.records)
+        ports = (
+            [about.port(name) for name in names] for names in (self._inputs, self.outputs, starts.values())
+        )
         self._process = FmuProcess(
-            about,
-            list(self._inputs),
-            self.outputs,
-            list(self._starts.values()),
+            about.path,
+            about.kind,
+            *ports,
             patience=patience,
             slow="'--rival-timeout' sets this time, e.g. '10 min'",
         )
