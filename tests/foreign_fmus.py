@@ -213,3 +213,111 @@ def lag_fmu(
         archive.writestr("modelDescription.xml", about)
         archive.writestr(f"binaries/{folder}/{library}", program)
     return path
+
+
+#: derivatives of the motor's speed; a fault takes the place of this
+ACCELERATION = "(m->k * current - m->b * speed) / m->J"
+
+#: a motor with a direct current: value references 0 voltage, 1 speed, 2 current, 3 R, 4 k, 5 b, 6 J, 7 L
+_MOTOR = """
+#include <math.h>
+#include <stdlib.h>
+typedef struct { double voltage, speed, current, R, k, b, J, L, time; } Motor;
+static Motor *made(void) {
+    Motor *m = calloc(1, sizeof(Motor));
+    m->R = 1.8; m->k = 0.045; m->b = 2e-4; m->J = 2e-4; m->L = 20e-3;
+    return m;
+}
+static volatile int going = 1;
+static double loop(void) { while (going) {} return 0.0; }
+static double acceleration(Motor *m, double speed, double current) { (void)loop; return RATE; }
+static double *at(Motor *m, unsigned i) { return &m->voltage + i; }
+static void rates(Motor *m, const double *x, double *d) {
+    d[0] = acceleration(m, x[0], x[1]);
+    d[1] = (m->voltage - m->R * x[1] - m->k * x[0]) / m->L;
+}
+static void advance(Motor *m, double h) {
+    double x[2] = {m->speed, m->current}, a[2], b[2], c[2], d[2], y[2];
+    rates(m, x, a);
+    for (int i = 0; i < 2; i++) y[i] = x[i] + 0.5 * h * a[i];
+    rates(m, y, b);
+    for (int i = 0; i < 2; i++) y[i] = x[i] + 0.5 * h * b[i];
+    rates(m, y, c);
+    for (int i = 0; i < 2; i++) y[i] = x[i] + h * c[i];
+    rates(m, y, d);
+    m->speed += h / 6.0 * (a[0] + 2.0 * b[0] + 2.0 * c[0] + d[0]);
+    m->current += h / 6.0 * (a[1] + 2.0 * b[1] + 2.0 * c[1] + d[1]);
+    m->time += h;
+}
+static void go(Motor *m, double t, double h) {
+    int n = (int)ceil(h / 0.5e-3);
+    m->time = t;
+    for (int i = 0; i < n; i++) advance(m, h / n);
+}
+"""
+
+_STEP_TWO = """
+fmi2Status fmi2DoStep(C m, fmi2Real t, fmi2Real h, fmi2Boolean a) { go(m, t, h); return fmi2OK; }
+"""
+_STEP_THREE = """
+fmi3Status fmi3DoStep(C m, fmi3Float64 t, fmi3Float64 h, fmi3Boolean a, fmi3Boolean *b, fmi3Boolean *d,
+    fmi3Boolean *e, fmi3Float64 *f) { go(m, t, h); *b = *d = *e = 0; *f = t + h; return fmi3OK; }
+"""
+_MOTOR_VARIABLES = (
+    ("voltage", "input", "0", "V"),
+    ("speed", "output", "0", "rad/s"),
+    ("current", "output", "0", "A"),
+    ("R", "parameter", "1.8", "Ohm"),
+    ("k", "parameter", "0.045", "N.m/A"),
+    ("b", "parameter", "2e-4", "N.m.s/rad"),
+    ("J", "parameter", "2e-4", "kg.m2"),
+    ("L", "parameter", "20e-3", "H"),
+)
+
+
+def _motor_description(two: bool) -> str:
+    lines = []
+    for reference, (name, causality, start, unit) in enumerate(_MOTOR_VARIABLES):
+        about = f'name="{name}" valueReference="{reference}" causality="{causality}"'
+        about += {"output": ' initial="exact"', "parameter": ' variability="fixed"'}.get(causality, "")
+        real = f'start="{start}" unit="{unit}"'
+        lines.append(
+            f"<ScalarVariable {about}><Real {real}/></ScalarVariable>"
+            if two
+            else f"<Float64 {about} {real}/>"
+        )
+    if two:
+        head = 'fmiVersion="2.0" modelName="motor" guid="motor"'
+        structure = '<Outputs><Unknown index="2"/><Unknown index="3"/></Outputs>'
+    else:
+        head = 'fmiVersion="3.0" modelName="motor" instantiationToken="motor"'
+        lines.append('<Float64 name="time" valueReference="8" causality="independent"/>')
+        structure = '<Output valueReference="1"/><Output valueReference="2"/>'
+    units = "".join(f'<Unit name="{unit}"/>' for unit in sorted({one[3] for one in _MOTOR_VARIABLES}))
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription {head}>'
+        f'<CoSimulation modelIdentifier="motor" canHandleVariableCommunicationStepSize="true"/>'
+        f"<UnitDefinitions>{units}</UnitDefinitions><ModelVariables>{''.join(lines)}</ModelVariables>"
+        f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
+    )
+
+
+def _for_motor(shared: str) -> str:
+    """The functions that any kind of FMU has, without those of model exchange and of the lag's steps."""
+    ends = {"fmi2Status fmi2EnterEventMode", "fmi3Status fmi3DoStep"}
+    end = min(shared.index(one) for one in ends if one in shared)
+    return shared[:end].replace("Lag", "Motor")
+
+
+def motor_fmu(path: Path, version: str = "2.0", *, acceleration: str = ACCELERATION) -> Path:
+    """Compile and write the co-simulation of a motor; `acceleration` is a C expression."""
+    two = version == "2.0"
+    shared, step = (_TWO, _STEP_TWO) if two else (_THREE, _STEP_THREE)
+    code = _MOTOR.replace("RATE", acceleration) + _for_motor(shared) + step
+    code = _with_the_others(code, Path(fmpy.__file__).parent / "c-code", f"fmi{version[0]}")
+    library = "motor" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+    program = _compiled({"sources/slave.c": code.encode(), "sources/equations.h": b""}, library)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", _motor_description(two))
+        archive.writestr(f"binaries/{fmpy.platform if two else fmpy.platform_tuple}/{library}", program)
+    return path

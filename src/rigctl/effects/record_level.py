@@ -268,8 +268,7 @@ def _unsettable(family: ModelFamily) -> set[str]:
     """The outputs of an FMU whose value at the start cannot be set."""
     if family.program is None:
         return set()
-    pairs = zip(family.program.outputs, family.program.starts, strict=True)
-    return {one.name for one, start in pairs if start is None}
+    return {name for name, start in family.program.starts.items() if start is None}
 
 
 _SWITCHING = tuple(

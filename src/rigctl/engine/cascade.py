@@ -116,13 +116,11 @@ class _Cascade:
         behind = [*foreign.drives, *commands.rhs, *(delay.expr for delay in commands.delays)]
         self.of_commands = _names(behind) & set(self.index)
         self.of_delays = _names([delay.expr for delay in commands.delays]) & set(self.index)
-        self.of_program = {one.name: one for one in foreign.program.parameters}
+        self.of_program = tuple(foreign.program.parameters)
         readings = cascade.readings.system
         self.of_readings = _names([*readings.rhs, *(one.expr for one in readings.outputs)]) & set(self.index)
         self.settable = {
-            name: k
-            for k, (name, port) in enumerate(zip(foreign.responses, foreign.program.starts, strict=True))
-            if port is not None
+            name: k for k, (name, port) in enumerate(foreign.program.starts.items()) if port is not None
         }
 
     def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
@@ -197,14 +195,13 @@ class _Cascade:
         ]
         drives = self._drives(excitations, grids)
         jobs = []
-        for k, (one, (grid, jumps)) in enumerate(zip(excitations, grids, strict=True)):
+        for k, (one, (grid, _jumps)) in enumerate(zip(excitations, grids, strict=True)):
             nudge = nudges[k] if nudges else None
             jobs.append(
                 Job(
                     one.name,
                     grid,
                     drives[k] if nudge is None else drives[k] + nudge,
-                    jumps,
                     np.array([one.parameters[self.index[name]] for name in self.of_program]),
                     np.array(
                         [one.initial[self.system.state_names.index(name)] for name in self.foreign.responses]
@@ -455,15 +452,10 @@ class _Cascade:
             return _Change("initial", k, self.system.states[k].scale)
         k = self.index[name]
         if name in self.of_program:
-            return _Change(
-                "parameter", k, _SHARE * max(abs(self._nominal(k)), self.of_program[name].scale * 1e-3)
-            )
+            return _Change("parameter", k, _SHARE * self.foreign.program.sizes[name])
         if name in self.of_delays:
             return _Change("parameter", k, _MOVED * _interval(excitations[0]))
         return _Change("parameter", k, self._command_step(name, excitations))
-
-    def _nominal(self, k: int) -> float:
-        return self.system.parameters[k].value
 
     def _command_step(self, name: str, excitations: Sequence[Excitation]) -> float:
         """A step of a parameter that changes the drives by a share of their mean magnitude."""

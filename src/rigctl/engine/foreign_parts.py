@@ -36,8 +36,8 @@ def parts_of(system: System, foreign: Foreign) -> tuple[System, System]:
         Input(rate_of(name), unit) for name, unit in zip(foreign.responses, foreign.rate_units, strict=True)
     )
     drives = tuple(
-        Output(port.name, _unit_of(system, port.name), drive)
-        for port, drive in zip(foreign.program.inputs, foreign.drives, strict=True)
+        Output(name, _unit_of(system, name), drive)
+        for name, drive in zip(foreign.program.inputs, foreign.drives, strict=True)
     )
     return (
         _part(system, before, system.inputs, drives, delays=True),

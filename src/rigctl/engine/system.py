@@ -87,7 +87,7 @@ class Foreign:
     @property
     def responses(self) -> tuple[str, ...]:
         """The states that are its outputs."""
-        return tuple(one.name for one in self.program.outputs)
+        return tuple(self.program.outputs)
 
 
 def rate_of(response: str) -> str:

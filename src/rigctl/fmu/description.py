@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from rigctl.errors import Location, RigctlError
+from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.fmu.archive import checked_platforms
 from rigctl.units import Unit, parse_unit
 
@@ -31,6 +31,8 @@ class Variable:
     reference: its value reference.
     unit: as the FMU writes it; None if it gives none, and the variable is in SI.
     settable: whether its value can be set before a simulation, and is then kept.
+    start, low, high: its value by default and its bounds, in the FMU's unit; None if it gives none.
+    meaning: its description.
     """
 
     name: str
@@ -38,6 +40,10 @@ class Variable:
     causality: str
     unit: str | None
     settable: bool
+    start: float | None = None
+    low: float | None = None
+    high: float | None = None
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,25 @@ class Description:
                 return one.name
         return None
 
+    def variable(self, name: str) -> Variable:
+        """The variable called `name`.
+
+        Raises
+        ------
+        RigctlError
+            there is none, or it is no real scalar.
+        """
+        if name not in self.variables:
+            raise unknown_name(f"real variable of {self.path.name}", name, self.variables)
+        return self.variables[name]
+
+    def unit(self, name: str) -> Unit | None:
+        """The unit of the variable called `name`, if rigctl can write it; None if not, or if it has none."""
+        written = self.variable(name).unit
+        if not written:
+            return None
+        return _parsed(written) or _parsed(_MODELICA.sub(r"\1^\2", written.replace(".", "*")))
+
     def port(self, name: str) -> Port:
         """The variable called `name`, to be read or set in SI.
 
@@ -86,10 +111,10 @@ class Description:
         RigctlError
             its unit is not known, and not defined by the FMU.
         """
-        one = self.variables[name]
+        one = self.variable(name)
         if not one.unit:
             return Port(name, one.reference, 1.0, 0.0)
-        unit = _parsed(one.unit) or _parsed(_MODELICA.sub(r"\1^\2", one.unit.replace(".", "*")))
+        unit = self.unit(name)
         if unit is not None:
             offset = float(unit.to_si(0.0))
             return Port(name, one.reference, float(unit.to_si(1.0)) - offset, offset)
@@ -161,15 +186,30 @@ def _kind(found: Any, path: Path) -> Kind:
 
 
 def _variable(one: Any) -> Variable:
-    declared = getattr(one.declaredType, "unit", None) if one.declaredType is not None else None
+    def own(name: str) -> Any:
+        """An attribute of it, or of its declared type."""
+        value = getattr(one, name, None)
+        return value if value is not None else getattr(one.declaredType, name, None)
+
     kept = one.causality == "parameter" or one.initial == "exact"
     return Variable(
         name=str(one.name),
         reference=int(one.valueReference),
         causality=str(one.causality),
-        unit=one.unit or declared,
+        unit=own("unit"),
         settable=kept and one.causality != "input" and one.variability != "constant",
+        start=_number(one.start),
+        low=_number(own("min")),
+        high=_number(own("max")),
+        meaning=str(one.description or ""),
     )
+
+
+def _number(written: object) -> float | None:
+    try:
+        return None if written is None else float(str(written))
+    except ValueError:
+        return None
 
 
 def _parsed(text: str) -> Unit | None:

@@ -41,6 +41,7 @@ class FmuProcess:
     starts: those that are set before a simulation.
     patience: longest time of one simulation, s.
     slow: what to do if that is too short.
+    named: the path in messages, if `path` is a copy.
     """
 
     def __init__(
@@ -53,8 +54,10 @@ class FmuProcess:
         *,
         patience: float = PATIENCE,
         slow: str = "",
+        named: Path | None = None,
     ) -> None:
         self._path, self._kind, self._patience, self._slow = path, kind, patience, slow
+        self._named = named or path
         self._inputs, self._outputs, self._starts = inputs, outputs, starts
         self._of_inputs, self._of_outputs, self._of_starts = map(_scale, (inputs, outputs, starts))
         self._answers: SimpleQueue[_Answer | None] = SimpleQueue()
@@ -119,7 +122,7 @@ class FmuProcess:
         values = np.array([starts.get(one.name, np.nan) for one in self._starts], dtype=np.float64)
         reason, rows = self.attempt(which, points, drives, values)
         if reason:
-            raise RigctlError(f"the FMU failed in {where} at {reason}", where=Location(self._path))
+            raise RigctlError(f"the FMU failed in {where} at {reason}", where=Location(self._named))
         return rows
 
     def attempt(self, which: str, points: Floats, drives: Floats, starts: Floats) -> tuple[str, Floats]:
@@ -160,7 +163,7 @@ class FmuProcess:
         raise self._error(f"the FMU has not {what} in {patience:g} s", self._slow)
 
     def _error(self, what: str, hint: str = "") -> RigctlError:
-        return RigctlError(what, where=Location(self._path), hint=hint or None, exit_code=ExitCode.FAILED)
+        return RigctlError(what, where=Location(self._named), hint=hint or None, exit_code=ExitCode.FAILED)
 
     def _read_answers(self) -> None:
         """Forward the answers of the process, None at their end; in a thread, because reading one blocks."""

@@ -7,59 +7,39 @@ FMU itself on the command line (`allow`), as for a family of models in Python. W
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from rigctl.errors import Location, RigctlError
 from rigctl.files.regular import read_bytes
-
-Kind = Literal["CoSimulation", "ModelExchange"]
+from rigctl.fmu.description import Kind, Port
 
 #: SHA-256 of the FMUs that the user has named in this command
 _ALLOWED: set[str] = set()
 
 
 @dataclass(frozen=True)
-class Port:
-    """A variable of an FMU under our name: ``SI value = factor·value + offset``.
-
-    Attributes
-    ----------
-    name: in the model.
-    variable, reference: its name and value reference in the FMU.
-    scale: a change of it that shows, SI, where its value is 0.
-    """
-
-    name: str
-    variable: str
-    reference: int
-    factor: float = 1.0
-    offset: float = 0.0
-    scale: float = 1.0
-
-
-@dataclass(frozen=True)
 class Program:
-    """An FMU with its connected variables.
+    """An FMU with its connected variables, by their names in the model.
 
     Attributes
     ----------
     path, sha256: of the file.
-    version: of FMI, "2.0" or "3.0".
     kind: how it is simulated.
     inputs, outputs, parameters: those that the model uses, in order.
+    sizes: of each parameter a change that matters, SI.
     starts: of each output the variable that sets its value at the start; None if it cannot be set.
     """
 
     path: Path
     sha256: str
-    version: str
     kind: Kind
-    inputs: tuple[Port, ...]
-    outputs: tuple[Port, ...]
-    parameters: tuple[Port, ...]
-    starts: tuple[Port | None, ...]
+    inputs: Mapping[str, Port]
+    outputs: Mapping[str, Port]
+    parameters: Mapping[str, Port]
+    sizes: Mapping[str, float]
+    starts: Mapping[str, Port | None]
 
 
 def digest(path: Path) -> str:

@@ -14,7 +14,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ _MOST_REFUSED = 100
 _DOUBLE, _FINE = 8, (0, 1)
 
 
-def write_message(stream: BinaryIO, content: Mapping[str, Any], *arrays: Floats) -> None:
+def write_message(stream: IO[bytes], content: Mapping[str, Any], *arrays: Floats) -> None:
     """Send a message."""
     head = {**content, "shapes": [list(one.shape) for one in arrays]}
     stream.write(json.dumps(head).encode() + b"\n")
@@ -39,7 +39,7 @@ def write_message(stream: BinaryIO, content: Mapping[str, Any], *arrays: Floats)
     stream.flush()
 
 
-def read_message(stream: BinaryIO) -> tuple[dict[str, Any], list[Floats]] | None:
+def read_message(stream: IO[bytes]) -> tuple[dict[str, Any], list[Floats]] | None:
     """The next message; None at the end."""
     line = stream.readline()
     if not line.endswith(b"\n"):
@@ -300,7 +300,7 @@ def _simulated(program: _Program, points: Floats, drives: Floats, starts: Floats
                 integration.step(end)
                 one.read(k + 1)
         one.fmu.terminate()
-    except Exception as problem:  # whatever the FMU or FMPy refuses
+    except Exception as problem:  # noqa: BLE001 - whatever the FMU or FMPy refuses
         when = times[0] if one is None else one.time
         reason = f"{when:.4g} s: {str(problem) or type(problem).__name__}"
     finally:
@@ -317,7 +317,7 @@ def _simulated(program: _Program, points: Floats, drives: Floats, starts: Floats
 
 
 class _Program:
-    """An FMU, unpacked and loaded. Loading imports what simulations need, which is not counted as their time."""
+    """An FMU, unpacked and loaded with all imports, which do not count as a simulation's time."""
 
     def __init__(self, setup: Mapping[str, Any]) -> None:
         from fmpy import extract, read_model_description

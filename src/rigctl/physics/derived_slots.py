@@ -188,10 +188,19 @@ def with_edge_slots(family: ModelFamily) -> ModelFamily:
     """`family`, whose states an FMU computes, with slots at its inputs and readings: nothing else is seen of it."""
     inputs = tuple(_delayed(item) for item in family.inputs)
     slots = (
-        *(Slot(input_slot(one.name), one.unit, f"beside what {one.name} is", shown=_shown(one)) for one in inputs),
+        *(
+            Slot(input_slot(one.name), one.unit, f"beside what {one.name} is", shown=_shown(one))
+            for one in inputs
+        ),
         *(Slot(delay_slot(one.name), "s", f"until {one.name} acts", kind="command") for one in inputs),
         *(
-            Slot(reading_slot(one.name), one.unit, f"beside what {one.name} is", kind="sensor", shown=_shown(one))
+            Slot(
+                reading_slot(one.name),
+                one.unit,
+                f"beside what {one.name} is",
+                kind="sensor",
+                shown=_shown(one),
+            )
             for one in family.outputs
         ),
     )

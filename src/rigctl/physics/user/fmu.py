@@ -7,7 +7,7 @@ what is read of them, and every effect on a reading or a command, stays in equat
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -22,18 +22,23 @@ from rigctl.files.quantity import AnyQuantity, in_dimension
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document
-from rigctl.fmu.description import Description, Variable, read_description
-from rigctl.fmu.program import Port, Program, digest
+from rigctl.fmu.description import Description, Port, read_description
+from rigctl.fmu.program import Program, digest
 from rigctl.physics.derived_slots import per_second, with_edge_slots
-from rigctl.physics.family import InputVariable, ModelFamily, OutputVariable, ParameterDeclaration, StateVariable
+from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
-from rigctl.physics.si_unit import si_unit
-from rigctl.physics.user.schema import Name, ParameterField
+from rigctl.physics.user.declare import declare
+from rigctl.physics.user.schema import (
+    FamilyFile,
+    FormulaField,
+    InputField,
+    Name,
+    ParameterField,
+    StartField,
+    StateField,
+)
 from rigctl.project import find_project
 from rigctl.units import parse_unit
-
-#: change of an output that matters where none is stated, in its unit
-_SCALE = 1e-3
 
 
 class _Part(BaseModel):
@@ -41,11 +46,17 @@ class _Part(BaseModel):
 
 
 class FmuInput(_Part):
-    """An input of the FMU."""
+    """An input of the FMU. Its unit is that of `value`."""
 
     value: AnyQuantity = Field(description="what it is when nobody says, with its unit")
     variable: str = Field(default="", description="the FMU's name of it; by default the same")
-    role: Literal["move", "heat", "set_pressure"] | None = Field(default=None, description="as of an input")
+    role: Literal["move", "heat", "set_pressure"] | None = Field(
+        default=None,
+        description="the rig's role whose actuator commands it; else the actuator of its own name does",
+    )
+    hold: Literal["previous", "linear"] | None = Field(
+        default=None, description="between two values: the previous one, or a straight line"
+    )
     meaning: str = Field(default="", description="what it is")
 
 
@@ -60,8 +71,15 @@ class FmuOutput(_Part):
 
     unit: str = Field(description="in which it is shown")
     variable: str = Field(default="", description="the FMU's name of it; by default the same")
-    start: str | None = Field(default=None, description="the variable that sets its value at the start")
-    scale: AnyQuantity | None = Field(default=None, description="a change of it that matters")
+    scale: AnyQuantity = Field(description="a change of it that matters")
+    start: StartField | None = Field(
+        default=None, description="its value when nothing else is known; by default the FMU's"
+    )
+    start_variable: str | None = Field(
+        default=None,
+        description="the FMU's variable that sets its value at the start; by default one of its name, or with "
+        "'_start', '_0' or 'state.'",
+    )
     meaning: str = Field(default="", description="what it is")
 
 
@@ -117,71 +135,76 @@ def fmu_family(document: Document, taken: Iterable[str]) -> ModelFamily:
     about = reader.read(("fmu",), partial(_described, written.fmu, path))
     reader.stop_at_errors()
     assert about is not None  # noqa: S101 - the reader has stopped where it is
-    inputs, parameters, outputs = [], [], []
-    for name, one in written.inputs.items():
-        unit = one.value.unit.text or "1"
-        inputs.append(reader.read(("inputs", name), partial(_port, about, name, one.variable, unit)))
-    for name, parameter in written.parameters.items():
-        unit = parameter.value.unit.text or "1"
-        parameters.append(reader.read(("parameters", name), partial(_port, about, name, parameter.variable, unit)))
-    starts = []
-    for name, output in written.outputs.items():
-        outputs.append(reader.read(("outputs", name), partial(_port, about, name, output.variable, output.unit)))
-        starts.append(reader.read(("outputs", name, "start"), partial(_start, about, name, output)))
+    program = _connected(reader, written, about)
     reader.stop_at_errors()
-    program = Program(
-        about.path,
-        digest(about.path),
-        about.version,
-        about.kind,
-        tuple(one for one in inputs if one is not None),
-        tuple(one for one in outputs if one is not None),
-        tuple(one for one in parameters if one is not None),
-        tuple(starts),
+    family = declare(reader, _as_equations(written, about, program))
+    reader.stop_at_errors()
+    return with_edge_slots(
+        replace(
+            family,
+            states=tuple(replace(one, rate=_Rate(one.name, one.unit)) for one in family.states),
+            outputs=tuple(replace(one, formula=_Itself(one.name)) for one in family.outputs),
+            program=program,
+        )
     )
-    return with_edge_slots(_declared(written, about, program))
 
 
-def _declared(written: FmuFamilyFile, about: Description, program: Program) -> ModelFamily:
-    states, outputs = [], []
-    for name, one in written.outputs.items():
-        unit = si_unit(one.unit)
-        shown = parse_unit(one.unit)
-        scale = _SCALE * shown.factor if one.scale is None else in_dimension(one.scale, one.unit, difference=True)
-        variable = about.variable(one.variable or name)
-        start = variable.si(variable.start) if variable.start is not None else 0.0
-        difference = not shown.absolute_temperature
-        states.append(StateVariable(name, unit, scale, _Rate(name, unit), start, one.meaning, difference))
-        outputs.append(OutputVariable(name, unit, _Itself(name), one.meaning, shown=one.unit))
-    return ModelFamily(
-        name=written.family,
-        title=written.title or written.family,
-        source=about.path.name,
-        states=tuple(states),
-        inputs=tuple(
-            InputVariable(
-                name,
-                si_unit(one.value.unit.text or "1"),
-                one.value.si,
-                one.meaning,
-                role=one.role,
-                difference=not parse_unit(one.value.unit.text or "1").absolute_temperature,
-                shown=one.value.unit.text or "1",
-            )
-            for name, one in written.inputs.items()
+def _connected(reader: Reader, written: FmuFamilyFile, about: Description) -> Program:
+    """The FMU with the variables that the file names; what is wrong is reported to `reader`."""
+    given: dict[str, dict[str, Port]] = {"inputs": {}, "parameters": {}, "outputs": {}}
+    starts: dict[str, Port | None] = {}
+    wanted = [
+        *(("inputs", name, one.variable, one.value.unit.text or "1") for name, one in written.inputs.items()),
+        *(
+            ("parameters", name, one.variable, one.value.unit.text or "1")
+            for name, one in written.parameters.items()
         ),
-        parameters=tuple(_parameter(name, one) for name, one in written.parameters.items()),
-        definitions=(),
-        slots=(),
-        outputs=tuple(outputs),
-        program=program,
+        *(("outputs", name, one.variable, one.unit) for name, one in written.outputs.items()),
+    ]
+    for part, name, variable, unit in wanted:
+        port = reader.read((part, name), partial(_port, about, part[:-1], variable or name, unit))
+        if port is not None:
+            given[part][name] = port
+    for name, output in written.outputs.items():
+        starts[name] = reader.read(("outputs", name, "start_variable"), partial(_start, about, name, output))
+    sizes = {name: _size(one) for name, one in written.parameters.items()}
+    return Program(about.path, digest(about.path), about.kind, **given, sizes=sizes, starts=starts)
+
+
+def _as_equations(written: FmuFamilyFile, about: Description, program: Program) -> FamilyFile:
+    """The same family, as if its equations were in the file."""
+    inputs = {
+        name: InputField.model_construct(**{**dict(one), "delay": None})
+        for name, one in written.inputs.items()
+    }
+    states = {
+        name: StateField.model_construct(
+            start=one.start or _default_start(about, program.outputs[name], one),
+            scale=one.scale,
+            rate="0",
+            meaning=one.meaning,
+        )
+        for name, one in written.outputs.items()
+    }
+    outputs = {
+        name: FormulaField(unit=one.unit, formula=name, meaning=one.meaning)
+        for name, one in written.outputs.items()
+    }
+    return FamilyFile.model_construct(
+        family=written.family,
+        title=written.title,
+        source=about.path.name,
+        states=states,
+        inputs=inputs,
+        parameters=written.parameters,
+        outputs=outputs,
     )
 
 
-def _parameter(name: str, one: FmuParameter) -> ParameterDeclaration:
-    unit = one.value.unit.text or "1"
-    low, high = (in_dimension(end, unit) for end in one.bounds)
-    return ParameterDeclaration(name, unit, one.value.si, one.meaning, low, high, standing=one.standing or "")
+def _default_start(about: Description, port: Port, one: FmuOutput) -> StartField:
+    variable = about.variable(port.name)
+    si = 0.0 if variable.start is None else port.factor * variable.start + port.offset
+    return StartField.model_validate(f"{parse_unit(one.unit).from_si(si)!r} {one.unit}")
 
 
 def _described(fmu: str, beside: Path | None) -> Description:
@@ -189,20 +212,40 @@ def _described(fmu: str, beside: Path | None) -> Description:
     return read_description(project.resolve(fmu, relative_to=beside))
 
 
-def _port(about: Description, name: str, variable: str, unit: str) -> Port:
-    found = about.variable(variable or name)
-    if found.unit is not None and parse_unit(found.unit).dimension != parse_unit(unit).dimension:
-        raise RigctlError(f"{found.name} of {about.path.name} is in {found.unit}", value=unit)
-    return _as_port(name, found)
+def _size(one: FmuParameter) -> float:
+    """A change of a parameter that matters, SI: its value, or for 0 a share of its bounds."""
+    low, high = (in_dimension(end, one.value.unit.text or "1") for end in one.bounds)
+    return abs(one.value.si) or 0.01 * (high - low)
+
+
+def _port(about: Description, causality: str, variable: str, unit: str) -> Port:
+    """A variable of the FMU, for a quantity of a unit.
+
+    Raises
+    ------
+    RigctlError
+        there is none, it cannot be set, or it is of another dimension.
+    """
+    found, known = about.variable(variable), about.unit(variable)
+    if causality == "input" and found.causality != "input":
+        raise RigctlError(f"{variable} is no input of {about.path.name}", value=found.causality)
+    if causality == "parameter" and not found.settable:
+        raise RigctlError(
+            f"{variable} of {about.path.name} cannot be set before a simulation",
+            value=found.causality,
+            expected=f"one of {', '.join(about.named('parameter'))}",
+        )
+    if known is not None and known.dimension != parse_unit(unit).dimension:
+        raise RigctlError(
+            f"{variable} of {about.path.name} has another dimension", value=unit, expected=f"as {known.text}"
+        )
+    port = about.port(variable)
+    if known is None and found.unit is None:  # it says nothing of its unit: the file's is meant
+        shown = parse_unit(unit)
+        return Port(port.name, port.reference, shown.to_si(1.0) - shown.to_si(0.0), shown.to_si(0.0))
+    return port
 
 
 def _start(about: Description, name: str, one: FmuOutput) -> Port | None:
-    if one.start is not None:
-        return _as_port(name, about.variable(one.start))
-    found = about.start_of(one.variable or name)
-    return None if found is None else _as_port(name, found)
-
-
-def _as_port(name: str, found: Variable) -> Port:
-    scale = abs(found.factor * (found.nominal or 1.0))
-    return Port(name, found.name, found.reference, found.factor, found.offset, scale)
+    variable = one.start_variable or about.start_of(one.variable or name)
+    return None if variable is None else _port(about, "parameter", variable, one.unit)

@@ -14,8 +14,8 @@ from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.family_checks import examine_family
 from rigctl.physics.user.declare import declare
-from rigctl.physics.user.fmu import fmu_family
 from rigctl.physics.user.equations import write_equations
+from rigctl.physics.user.fmu import fmu_family
 from rigctl.physics.user.record import read_record
 from rigctl.physics.user.schema import FamilyFile
 
