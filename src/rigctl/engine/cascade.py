@@ -86,13 +86,14 @@ class _Courses:
 
     excitation: Excitation
     grid: Floats
+    drives: Floats
     values: Floats
     reason: str
 
     @cached_property
     def at_samples(self) -> Floats:
         """(samples, responses) z."""
-        return self.values[self.places]
+        return np.asarray(self.values[self.places])
 
     @cached_property
     def places(self) -> np.ndarray:
@@ -117,6 +118,8 @@ class _Cascade:
         self.of_commands = _names(behind) & set(self.index)
         self.of_delays = _names([delay.expr for delay in commands.delays]) & set(self.index)
         self.of_program = tuple(foreign.program.parameters)
+        self.at_parameters = [self.index[name] for name in self.of_program]
+        self.at_responses = [system.state_names.index(name) for name in foreign.responses]
         readings = cascade.readings.system
         self.of_readings = _names([*readings.rhs, *(one.expr for one in readings.outputs)]) & set(self.index)
         self.settable = {
@@ -188,39 +191,45 @@ class _Cascade:
 
     # what the program is given, and what it answers
 
-    def _run(self, excitations: Sequence[Excitation], nudges: Sequence[Floats | None] = ()) -> list[_Courses]:
-        """The courses of records; `nudges` are what is added to the drives of each."""
-        grids = [
-            self._grid(one, times) for one, times in zip(excitations, self._acting(excitations), strict=True)
+    def _run(
+        self,
+        excitations: Sequence[Excitation],
+        nudges: Sequence[Floats | None] = (),
+        same: Sequence[_Courses | None] = (),
+    ) -> list[_Courses]:
+        """The courses of records.
+
+        Parameters
+        ----------
+        nudges: what is added to the drives of each.
+        same: a record that has the same grid and drives.
+        """
+        known = list(same) or [None] * len(excitations)
+        new = [one for one, like in zip(excitations, known, strict=True) if like is None]
+        grids = [self._grid(one, times) for one, times in zip(new, self._acting(new), strict=True)]
+        fresh = iter(zip(grids, self._drives(new, grids), strict=True))
+        given = [next(fresh) if like is None else (like.grid, like.drives) for like in known]
+        if nudges:
+            given = [
+                (grid, drives if nudge is None else drives + nudge)
+                for (grid, drives), nudge in zip(given, nudges, strict=True)
+            ]
+        jobs = [
+            Job(one.name, grid, drives, one.parameters[self.at_parameters], one.initial[self.at_responses])
+            for one, (grid, drives) in zip(excitations, given, strict=True)
         ]
-        drives = self._drives(excitations, grids)
-        jobs = []
-        for k, (one, (grid, _jumps)) in enumerate(zip(excitations, grids, strict=True)):
-            nudge = nudges[k] if nudges else None
-            jobs.append(
-                Job(
-                    one.name,
-                    grid,
-                    drives[k] if nudge is None else drives[k] + nudge,
-                    np.array([one.parameters[self.index[name]] for name in self.of_program]),
-                    np.array(
-                        [one.initial[self.system.state_names.index(name)] for name in self.foreign.responses]
-                    ),
-                )
-            )
-        found: list[Simulated] = self.pool.run(jobs)
         return [
-            _Courses(one, grid, result.values, result.reason)
-            for one, (grid, _), result in zip(excitations, grids, found, strict=True)
+            _Courses(one, job.points, job.drives, result.values, result.reason)
+            for one, job, result in zip(excitations, jobs, self.pool.run(jobs), strict=True)
         ]
 
-    def _drives(
-        self, excitations: Sequence[Excitation], grids: Sequence[tuple[Floats, Floats]]
-    ) -> list[Floats]:
+    def _drives(self, excitations: Sequence[Excitation], grids: Sequence[Floats]) -> list[Floats]:
         """(intervals, inputs) of each record: the drives in the middle of each interval."""
+        if not excitations:
+            return []
         found = self.engine(
             self.cascade.commands,
-            [self._command(one, grid) for one, (grid, _) in zip(excitations, grids, strict=True)],
+            [self._command(one, grid) for one, grid in zip(excitations, grids, strict=True)],
         ).require()
         return list(found.outputs)
 
@@ -274,8 +283,8 @@ class _Cascade:
             result.append(np.array(times))
         return result
 
-    def _grid(self, excitation: Excitation, acting: Floats) -> tuple[Floats, Floats]:
-        """The points of a record, and whether a command acts at the beginning of each interval."""
+    def _grid(self, excitation: Excitation, acting: Floats) -> Floats:
+        """The points of a record at which the program is given its drives."""
         begin = excitation.switch_times[0]
         end = max(excitation.times[-1] if excitation.times.size else begin, begin)
         step = _interval(excitation)
@@ -286,12 +295,8 @@ class _Cascade:
             points.append(excitation.ramps.knots)
         grid = np.unique(np.concatenate(points))
         grid = grid[(grid >= begin) & (grid <= end)]
-        same = _SAME * max(end - begin, step)
-        grid = grid[np.concatenate([[True], np.diff(grid) > same])]
-        if grid.size < 2:
-            grid = np.array([begin, begin + step])
-        near = np.abs(grid[:-1, None] - acting[None, :]).min(axis=1) <= 2.0 * same
-        return grid, near.astype(np.float64)
+        grid = grid[np.concatenate([[True], np.diff(grid) > _SAME * max(end - begin, step)])]
+        return grid if grid.size > 1 else np.array([begin, begin + step])
 
     # what is read of it
 
@@ -385,12 +390,14 @@ class _Cascade:
     ) -> list[Floats]:
         """(samples, outputs) the derivative of each piece: a change, the share of its step, a record."""
         moved: list[Excitation] = []
+        same: list[_Courses | None] = []
         ends: list[tuple[int, float]] = []  # of each: piece, step
         for at, (change, share, k) in enumerate(pieces):
             for step in change.steps(excitations[k], share):
                 moved.append(change.moved(excitations[k], step))
+                same.append(courses[k] if change.keeps_drives else None)
                 ends.append((at, step))
-        runs = self._run(moved)
+        runs = self._run(moved, same=same)
         outputs = self._moved_outputs(runs, [pieces[at][2] for at, _ in ends], courses, read)
         of_piece: dict[int, list[tuple[float, Floats]]] = {}
         for (at, step), each in zip(ends, outputs, strict=True):
@@ -449,10 +456,11 @@ class _Cascade:
             return _Change("shift", self.columns.shifts.index(name))
         if name in self.settable:
             k = self.system.state_names.index(name)
-            return _Change("initial", k, self.system.states[k].scale)
+            return _Change("initial", k, self.system.states[k].scale, keeps_drives=True)
         k = self.index[name]
         if name in self.of_program:
-            return _Change("parameter", k, _SHARE * self.foreign.program.sizes[name])
+            kept = name not in self.of_commands
+            return _Change("parameter", k, _SHARE * self.foreign.program.sizes[name], keeps_drives=kept)
         if name in self.of_delays:
             return _Change("parameter", k, _MOVED * _interval(excitations[0]))
         return _Change("parameter", k, self._command_step(name, excitations))
@@ -461,7 +469,7 @@ class _Cascade:
         """A step of a parameter that changes the drives by a share of their mean magnitude."""
         changed = scale = 0.0
         for one in excitations[:_TRIED]:
-            grid, _ = self._grid(one, one.switch_times)
+            grid = self._grid(one, one.switch_times)
             found = self.engine(self.cascade.commands, [self._command(one, grid)], columns=[name]).require()
             share = np.diff(grid)[:, None] / (grid[-1] - grid[0])
             changed += float(np.sum(share[:, :, None] * np.abs(found.sensitivities[0])))
@@ -526,11 +534,13 @@ class _Change:
     Attributes
     ----------
     size: the usual step, SI; of switches it follows from the record.
+    keeps_drives: whether the program is given the same.
     """
 
     kind: str
     index: int
     size: float = 1.0
+    keeps_drives: bool = False
 
     def steps(self, excitation: Excitation, share: float) -> tuple[float, float]:
         """Two steps from the point: to either side, or where its value is 0 both to one."""

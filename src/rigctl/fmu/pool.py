@@ -98,7 +98,12 @@ class Pool:
             if not self._steady:
                 self._require_the_same(jobs[0], first)
             self._require_time(perf_counter() - began, len(jobs))
-            return [first, *self._threads.map(self._one, jobs[1:])]
+            rest = jobs[1:]
+            parts = [rest[k :: self._workers] for k in range(min(self._workers, len(rest)))]
+            found: list[Simulated] = [first] * len(jobs)
+            for k, part in enumerate(self._threads.map(self._each, parts)):
+                found[1 + k :: self._workers] = part
+            return found
         except BaseException:
             self.close()  # the other threads wait for answers
             raise
@@ -114,15 +119,23 @@ class Pool:
         _forget(self)
 
     def _one(self, job: Job) -> Simulated:
+        return self._each([job])[0]
+
+    def _each(self, jobs: Sequence[Job]) -> list[Simulated]:
+        """The results of jobs in one process, which has the next one before it has answered the last."""
         process = self._idle.get()
         try:
             if process is None:
                 process = self._new()
-            starts = np.concatenate([job.parameters, job.starts[self._settable]])
-            what = f"the simulation of {job.name}{_with(self._program, job)}"
-            reason, rows = process.attempt(what, job.points, job.drives, starts)
+            for job in jobs:
+                starts = np.concatenate([job.parameters, job.starts[self._settable]])
+                process.request(job.points, job.drives, starts)
+            return [self._result(process, job) for job in jobs]
         finally:
             self._idle.put(process)
+
+    def _result(self, process: FmuProcess, job: Job) -> Simulated:
+        reason, rows = process.result(f"the simulation of {job.name}{_with(self._program, job)}")
         if reason:
             reason = f"{self._program.path.name} failed at {reason}{_with(self._program, job)}"
         return Simulated(rows, reason)

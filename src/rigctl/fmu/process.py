@@ -82,7 +82,8 @@ class FmuProcess:
             "names": [one.name for one in self._outputs],
         }
         try:
-            reason, _ = self._ask("been loaded", max(self._patience, PATIENCE), setup)
+            self._send(setup)
+            reason, _ = self._answer("been loaded", max(self._patience, PATIENCE))
             if reason:
                 raise self._error(f"the FMU does not start: {reason}")
         except BaseException:
@@ -137,22 +138,32 @@ class FmuProcess:
         RigctlError
             the FMU crashes, or does not return in time.
         """
-        written = (_written(self._of_inputs, drives), _written(self._of_starts, starts))
-        reason, rows = self._ask(f"finished {which}", self._patience, {}, points, *written)
+        self.request(points, drives, starts)
+        return self.result(which)
+
+    def request(self, points: Floats, drives: Floats, starts: Floats) -> None:
+        """Ask for a simulation as `attempt` does; several may be asked for before the first result."""
+        self._send({}, points, _written(self._of_inputs, drives), _written(self._of_starts, starts))
+
+    def result(self, which: str) -> tuple[str, Floats]:
+        """The next result, as of `attempt`."""
+        reason, rows = self._answer(f"finished {which}", self._patience)
         factors, offsets = self._of_outputs
         return reason, np.asarray(rows[0] * factors + offsets)
 
-    def _ask(self, what: str, patience: float, command: Mapping[str, Any], *arrays: Floats) -> _Answer:
-        """The answer to a command.
+    def _send(self, command: Mapping[str, Any], *arrays: Floats) -> None:
+        assert self._child.stdin is not None  # noqa: S101 - it is a pipe
+        with suppress(OSError):  # it has ended: so do its answers
+            write_message(self._child.stdin, command, *arrays)
+
+    def _answer(self, what: str, patience: float) -> _Answer:
+        """The next answer.
 
         Raises
         ------
         RigctlError
             the process ends, or needs longer than `patience` s.
         """
-        assert self._child.stdin is not None  # noqa: S101 - it is a pipe
-        with suppress(OSError):  # it has ended: so do its answers
-            write_message(self._child.stdin, command, *arrays)
         latest = time.monotonic() + patience
         while time.monotonic() < latest:
             with suppress(Empty):

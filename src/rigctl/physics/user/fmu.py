@@ -196,7 +196,7 @@ def _as_equations(written: FmuFamilyFile, about: Description, program: Program) 
         source=about.path.name,
         states=states,
         inputs=inputs,
-        parameters=written.parameters,
+        parameters=dict(written.parameters),
         outputs=outputs,
     )
 
