@@ -278,7 +278,7 @@ def _conclusion(judgement: Judgement, ranking: Sequence[Ranked]) -> Conclusion:
         judgement.remaining,
         judgement.checks,
         most_visible(search, ranking) if not best.candidates else None,
-        (*judgement.against, *judgement.undriven),
+        (*judgement.edges, *judgement.against, *judgement.undriven),
         search.allowed,
     )
 

@@ -386,7 +386,9 @@ def _slots(model: ModelComparison) -> list[Block]:
         Bar(one.slot, one.log_evidence / shown[0].log_evidence, significant(one.log_evidence), one.meaning)
         for one in shown
     )
-    return [Bars("which equation lacks a term, log-evidence", bars)]
+    inside = model.fit.problem.model.family.program is not None
+    which = "edge of the FMU may lack a term, if none inside does" if inside else "equation lacks a term"
+    return [Bars(f"which {which}, log-evidence", bars)]
 
 
 def _most(model: ModelComparison) -> str:
@@ -402,7 +404,10 @@ def _wanted(model: ModelComparison) -> str:
         return ""
     near = [one for one in known if one.slot in known[0].alike][:2]
     family = model.fit.problem.model.family
-    return f"a term: {'; or '.join(place_in_words(one.slot, family) for one in (known[0], *near))}"
+    places = [place_in_words(one.slot, family) for one in (known[0], *near)]
+    if family.program is not None:
+        places.append(f"inside {family.program.path.name}, where nothing is looked for")
+    return f"a term: {'; or '.join(places)}"
 
 
 def place_in_words(slot: str, family: ModelFamily) -> str:

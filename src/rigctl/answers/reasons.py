@@ -13,6 +13,7 @@ from rigctl.analysis.search.reasons import (
     MayResemble,
     NotPredicted,
     OnlyConstants,
+    OnlyEdgesSearched,
     OtherNoise,
     Reason,
     TooMuchLeft,
@@ -53,6 +54,8 @@ def reason_text(reason: Reason) -> str:
                 f"what it leaves, {_amount(left)}, is more than a different shape of so small an effect "
                 "accounts for"
             )
+        case OnlyEdgesSearched(program):
+            text = f"{edges_text(program)}: an effect there describes it, and the cause may be inside the FMU"
         case ErrorLeft(share, times):
             text = (
                 f"it leaves {100.0 * share:.0f} % of the error, {times:.2g} times the white "
@@ -98,6 +101,11 @@ def _of_several(reason: MayResemble | WantedElsewhere | OnlyConstants | MayImita
         case _:
             assert_never(reason)
     return text
+
+
+def edges_text(program: str) -> str:
+    """Where effects on a model that consists of an FMU were looked for."""
+    return f"only effects at the inputs and outputs of {program} were searched"
 
 
 def not_predicted_text(effects: Sequence[str]) -> str:

@@ -26,7 +26,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, 
 from rigctl.analysis.search.reasons import Reason
 from rigctl.analysis.search.rivals import Rival
 from rigctl.answers import agreement
-from rigctl.answers.reasons import not_predicted_text, reason_text, reasons_text, remainder_text
+from rigctl.answers.reasons import edges_text, not_predicted_text, reason_text, reasons_text, remainder_text
 from rigctl.effects.declaration import Effect
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.reading_errors import CLOCK
@@ -67,6 +67,16 @@ def doubt_text(diagnosis: Diagnosis) -> str:
 
 
 def _of(diagnosis: Diagnosis) -> Statement:
+    """The statement, with what was not searched where nothing is named for it."""
+    said = _concluded(diagnosis)
+    program = diagnosis.before.fit.problem.model.family.program
+    if program is None or diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
+        return said
+    unsearched = f"{_capitalised(edges_text(program.path.name))}, and the cause may be inside the FMU"
+    return Statement(said.opening, f"{said.text}. {unsearched}")
+
+
+def _concluded(diagnosis: Diagnosis) -> Statement:
     found, before = diagnosis.conclusion, diagnosis.before
     match found:
         case AsCompared():

@@ -3,10 +3,10 @@
     u --(effects on commands)--> drives --(program)--> z --(effects on readings)--> outputs
 
 The first and the last step are equations, integrated by the engine. The program is given the drives held
-constant over each interval of a grid: the samples, every command at the time at which it acts, and some points
-after it. What is read of z, linear between the points, has exact derivatives. Derivatives through the program
-are differences, central except at a value of 0, where only one side need exist; each column is differenced
-with two steps, and with smaller ones until two agree.
+constant over each interval of a grid: the samples, every command at the time at which it acts, and some
+points after it. What is read of z, linear between the points, has exact derivatives. Derivatives through the
+program are differences, central except at a value of 0, where only one side need exist; each column is
+differenced with two steps, and with smaller ones until two agree.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rigctl.engine.splines import SplineColumns
 from rigctl.engine.symbols import Expr, evaluate, variables_of
 from rigctl.engine.system import Foreign, System, after, before
 from rigctl.engine.trajectories import Statistics, Trajectories
-from rigctl.fmu.pool import Job, Pool, Simulated, pool_of
+from rigctl.fmu.pool import Job, Pool, pool_of
 
 #: `rigctl.engine.simulate.simulate`, for the two parts in equations
 Engine: TypeAlias = Callable[..., Trajectories]
@@ -484,7 +484,7 @@ class _Cascade:
         slopes: Sequence[Floats],
         places: dict[str, int],
     ) -> None:
-        """Columns for the shapes of terms: at the readings by the engine, at the commands in its direction."""
+        """Columns for the shapes of terms: exact at the readings, differences at the commands."""
         splines = self.columns.splines
         if not splines.columns or not good:
             return

@@ -183,8 +183,8 @@ class Pool:
         expected = seconds * count / self._workers
         if expected > _MOST_SECONDS:
             raise RigctlError(
-                f"one simulation of a record takes {seconds:.3g} s, and one step of a fit needs {count} of them: "
-                f"{expected / 3600.0:.1f} h",
+                f"one simulation of a record takes {seconds:.3g} s, and one step of a fit needs {count} of "
+                f"them: {expected / 3600.0:.1f} h",
                 where=Location(self._program.path),
                 hint="Use fewer records ('--only'), fewer free parameters, or a faster FMU",
             )

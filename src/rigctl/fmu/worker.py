@@ -56,7 +56,7 @@ def read_message(stream: IO[bytes]) -> tuple[dict[str, Any], list[Floats]] | Non
 
 
 class _Calls:
-    """The functions that are called at every point, without FMPy between, which would take most of the time."""
+    """The functions that are called at every point, without FMPy between, which takes most of the time."""
 
     def __init__(self, fmu: Any, two: bool) -> None:
         self.two = two

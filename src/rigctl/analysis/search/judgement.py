@@ -23,7 +23,7 @@ from rigctl.analysis.search.certainty import (
 )
 from rigctl.analysis.search.identity import Levels, same_cause
 from rigctl.analysis.search.own_scale import proven_by_collapse
-from rigctl.analysis.search.reasons import Reason, failed_checks
+from rigctl.analysis.search.reasons import OnlyEdgesSearched, Reason, failed_checks
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder, remainder
 from rigctl.analysis.search.rivals import Rival, classes_of, find_rivals
@@ -81,10 +81,17 @@ class Judgement:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict: an effect whose own variable does not matter is not certain to be what is missing."""
-        if self.undriven and self.of_set is Verdict.MISSING_EFFECT:
+        """The verdict: an effect whose own variable does not matter is not certain to be what is missing, nor
+        one at the edge of a program whose inside was not searched."""
+        if (self.undriven or self.edges) and self.of_set is Verdict.MISSING_EFFECT:
             return Verdict.AMBIGUOUS
         return self.of_set
+
+    @property
+    def edges(self) -> tuple[OnlyEdgesSearched, ...]:
+        """That effects were searched at the edges of an FMU alone, if the equations are in one."""
+        program = self.search.before.fit.problem.model.family.program
+        return () if program is None else (OnlyEdgesSearched(program.path.name),)
 
     @property
     def shown(self) -> ModelComparison:
@@ -109,7 +116,9 @@ class Judgement:
     @cached_property
     def levels(self) -> tuple[Levels, ...]:
         """How far the answer goes for each member."""
-        return certain_levels(self.answer, self.laws, self.scatters) if self.named else ()
+        if not self.named or self.edges:  # what may be inside a program has no certain location either
+            return ()
+        return certain_levels(self.answer, self.laws, self.scatters)
 
     @cached_property
     def against(self) -> tuple[Reason, ...]:
@@ -125,7 +134,8 @@ class Judgement:
     @property
     def unconfirmed(self) -> tuple[str, ...]:
         """The members that failed cross-validation, if nothing else speaks against the set."""
-        alone = self.named and not self.close and not self.undriven and len(self.answer.against()) == 1
+        others = self.close or self.undriven or self.edges
+        alone = self.named and not others and len(self.answer.against()) == 1
         return failed_checks(self.checks) if alone else ()
 
 

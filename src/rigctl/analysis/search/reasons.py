@@ -84,6 +84,13 @@ class TooMuchLeft:
     left: Remainder
 
 
+@dataclass(frozen=True)
+class OnlyEdgesSearched:
+    """The equations are in an FMU, `program`: an effect at its edges may describe a cause inside."""
+
+    program: str
+
+
 #: a reason against a set; the last ones are found by other modules, whose results say what there is to say
 Reason: TypeAlias = (
     UnusualSize
@@ -95,6 +102,7 @@ Reason: TypeAlias = (
     | OnlyConstants
     | MayImitate
     | TooMuchLeft
+    | OnlyEdgesSearched
     | ErrorLeft
     | TooLargeForSensor
     | ReachedBound

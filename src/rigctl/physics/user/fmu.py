@@ -1,7 +1,7 @@
 """A family whose equations are in an FMU: the family file names it, and maps our names to its variables.
 
-Only the FMU's description is read here. Its outputs are the family's states, as if each had a rate of its own:
-what is read of them, and every effect on a reading or a command, stays in equations.
+Only the FMU's description is read here. Its outputs are the family's states, as if each had a rate of its
+own: what is read of them, and every effect on a reading or a command, stays in equations.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ class FmuOutput(_Part):
     )
     start_variable: str | None = Field(
         default=None,
-        description="the FMU's variable that sets its value at the start; by default one of its name, or with "
-        "'_start', '_0' or 'state.'",
+        description="the FMU's variable that sets its value at the start; by default 'state.NAME', "
+        "'NAME_start', 'NAME_0' or the output itself, as far as they can be set",
     )
     meaning: str = Field(default="", description="what it is")
 
