@@ -73,7 +73,7 @@ def _of(diagnosis: Diagnosis) -> Statement:
     if program is None or diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
         return said
     unsearched = f"{_capitalised(edges_text(program.path.name))}, and the cause may be inside the FMU"
-    return Statement(said.opening, f"{said.text}. {unsearched}")
+    return Statement(f"{said.opening}. {unsearched}", f"{said.text}. {unsearched}")
 
 
 def _concluded(diagnosis: Diagnosis) -> Statement:
@@ -265,7 +265,8 @@ def _fall(fit: FitResult, nearest: FitResult, channel: ChannelNoise) -> str:
     before, after = (
         show(one.errors[channel.name].rmse, unit, difference=True, digits=2) for one in (fit, nearest)
     )
-    return f"the error of {channel.name} falls from {before} to {after}"
+    falls = nearest.errors[channel.name].rmse <= fit.errors[channel.name].rmse
+    return f"the error of {channel.name} {'falls' if falls else 'rises'} from {before} to {after}"
 
 
 def rival_sentence(rival: Rival) -> str:

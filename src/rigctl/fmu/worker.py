@@ -27,8 +27,9 @@ _TOLERANCE = 1e-8
 _MOST_STEPS, _MOST_EVENTS = 20_000, 1000
 #: states between two points at which a derivative is not finite, as it may be beyond the range of a model
 _MOST_REFUSED = 100
-#: bytes of a double, and the statuses of a call that was successful: OK and warning
-_DOUBLE, _FINE = 8, (0, 1)
+_DOUBLE = 8  # bytes
+#: status of a call that was successful with a warning; those above it are failures
+_WARNING = 1
 
 
 def write_message(stream: IO[bytes], content: Mapping[str, Any], *arrays: Floats) -> None:
@@ -128,7 +129,7 @@ class _Instance:
             status = function(self._component, references, count, row)
         else:
             status = function(self._component, references, count, row, count)
-        if status not in _FINE:
+        if status > _WARNING:
             raise ValueError(f"{what} failed with status {status}")
 
     def begin(self, time: float, starts: Floats) -> None:
@@ -149,22 +150,26 @@ class _Instance:
 
     def co_simulate(self, points: Sequence[float], changed: Sequence[bool]) -> None:
         """Let a co-simulation FMU go from point to point."""
-        do, component = self._calls.step, self._component
+        do, get, component = self._calls.step, self._calls.get, self._component
         assert do is not None  # noqa: S101 - it is one for co-simulation
-        flags = np.zeros(4, dtype=np.bool_)
-        last = np.zeros(1)
-        at = flags.ctypes.data
-        rest = (1,) if self.two else (True, at, at + 1, at + 2, last.ctypes.data)
+        flags = (ctypes.c_bool * 3)()
+        last = ctypes.c_double()
+        at = ctypes.addressof(flags)
+        rest = (1,) if self.two else (True, at, at + 1, at + 2, ctypes.addressof(last))
+        references, count, row, stride = self._reads
+        sizes = () if self.two else (count,)
         for k, end in enumerate(points[1:]):
             if changed[k]:
                 self.give(k)
             begin, self.time = self.time, end
-            status = do(component, begin, end - begin, *rest)
-            if status not in _FINE:
-                raise ValueError(f"a step failed with status {status}")
+            if do(component, begin, end - begin, *rest) > _WARNING:
+                raise ValueError("a step failed")
             if flags[1]:
                 raise ValueError("it asks to end the simulation")
-            self.read(k + 1)
+            row += stride
+            if get(component, references, count, row, *sizes) > _WARNING:
+                raise ValueError("reading its outputs failed")
+            self.done = k + 2
 
     def events(self) -> float:
         """Update discrete states until they rest; the time of the next event, infinite if none is known."""

@@ -185,7 +185,7 @@ def _delayed(item: InputVariable) -> InputVariable:
 
 
 def with_edge_slots(family: ModelFamily) -> ModelFamily:
-    """`family`, whose states an FMU computes, with slots at its inputs and readings, all that is seen of it."""
+    """`family`, whose states an FMU computes, with slots at its inputs and its readings alone."""
     inputs = tuple(_delayed(item) for item in family.inputs)
     slots = (
         *(
