@@ -164,6 +164,9 @@ def test_a_cause_inside_it_is_not_taken_for_an_effect_at_its_edge(tmp_path: Path
     assert "nly effects at the inputs and outputs of motor.fmu were searched" in found["statement"]
     assert "inside the FMU" in found["statement"]
     assert not any(one["place"]["sure"] for one in found["levels"])
+    if found["effects"]:  # none is described by an effect that may as well be none
+        sizes = found["ranking"][0]["parameters"].values()
+        assert any(one["std"] and abs(one["value"]) > 2.0 * one["std"] for one in sizes)
 
 
 def test_an_fmu_that_only_a_file_names_is_not_run(tmp_path: Path) -> None:

@@ -37,6 +37,10 @@ from rigctl.wording import chance_text, share_text, strength
 _CANNOT_TELL = "Something is missing, and these data cannot tell which effect it is"
 
 
+#: p-value below which what effects at the edges of an FMU leave is said in any case
+_CERTAINLY_LEFT = 1e-6
+
+
 @dataclass(frozen=True)
 class Statement:
     """A verdict in words.
@@ -70,7 +74,13 @@ def _of(diagnosis: Diagnosis) -> Statement:
     """The statement, with what was not searched where nothing is named for it."""
     said = _concluded(diagnosis)
     program = diagnosis.before.fit.problem.model.family.program
-    if program is None or diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
+    if program is None:
+        return said
+    p_value = diagnosis.p_value_after
+    if diagnosis.effects and diagnosis.remainder is None and p_value < _CERTAINLY_LEFT:
+        text = f"{said.text}. That is not all: what is left is not noise ({chance_text(p_value)})"
+        return Statement(said.opening, text)
+    if diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
         return said
     unsearched = f"{_capitalised(edges_text(program.path.name))}, and the cause may be inside the FMU"
     return Statement(f"{said.opening}. {unsearched}", f"{said.text}. {unsearched}")

@@ -382,7 +382,18 @@ class RefittedSets:
 
     def least(self, trials: Iterable[RefittedSet]) -> RefittedSet:
         """The one of several sets with the least mBIC."""
-        return min(trials, key=self.mbic)
+        return min(self.describing(trials), key=self.mbic)
+
+    def describing(self, trials: Iterable[RefittedSet]) -> list[RefittedSet]:
+        """The sets that may be the answer: for an FMU, those of which the data determine every size.
+
+        What is missing is mostly inside it, and a threshold at its edge, which the data do not determine,
+        imitates some of anything.
+        """
+        every = list(trials)
+        if self.before.fit.problem.model.family.program is None:
+            return every
+        return [one for one in every if not one.undetermined] or every
 
 
 def _key(chosen: Sequence[Candidate]) -> tuple[str, ...]:

@@ -103,7 +103,7 @@ class Search(RefittedSets):
             return self.null
         self._singles()
         self._finite_sizes()
-        return min([self.null, *self.trials.values()], key=lambda one: one.chi2)
+        return min(self.describing([self.null, *self.trials.values()]), key=lambda one: one.chi2)
 
     def _singles(self) -> None:
         scores = self.null_tests.screening.scores
