@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import read_bytes
-from rigctl.fmu.process import FmuProcess
+from rigctl.fmu.process import PATIENCE, FmuProcess
 from rigctl.fmu.program import Program, digest, require_allowed
 
 Floats = NDArray[np.float64]
@@ -60,11 +60,17 @@ class Simulated:
 
 
 class Pool:
-    """The processes of one program."""
+    """The processes of one program.
 
-    def __init__(self, program: Program, workers: int) -> None:
+    Parameters
+    ----------
+    workers: number of processes.
+    patience: longest time of one simulation, s.
+    """
+
+    def __init__(self, program: Program, workers: int, patience: float = PATIENCE) -> None:
         require_allowed(program)
-        self._program, self._workers = program, workers
+        self._program, self._workers, self._patience = program, workers, patience
         self._folder = Path(tempfile.mkdtemp(prefix="rigctl-fmu-"))
         self._fmu = self._folder / program.path.name
         # a private copy, so that what runs is what was allowed
@@ -94,9 +100,7 @@ class Pool:
             return []
         began = perf_counter()
         try:
-            first = self._one(jobs[0])
-            if not self._steady:
-                self._require_the_same(jobs[0], first)
+            first = self._each(jobs[:1])[0] if self._steady else self._twice(jobs[0])
             self._require_time(perf_counter() - began, len(jobs))
             rest = jobs[1:]
             parts = [rest[k :: self._workers] for k in range(min(self._workers, len(rest)))]
@@ -117,9 +121,6 @@ class Pool:
         shutil.rmtree(self._folder, ignore_errors=True)
         atexit.unregister(self.close)
         _forget(self)
-
-    def _one(self, job: Job) -> Simulated:
-        return self._each([job])[0]
 
     def _each(self, jobs: Sequence[Job]) -> list[Simulated]:
         """The results of jobs in one process, which has the next one before it has answered the last."""
@@ -148,21 +149,24 @@ class Pool:
             list(program.inputs.values()),
             list(program.outputs.values()),
             [*program.parameters.values(), *(one for one in program.starts.values() if one is not None)],
+            patience=self._patience,
             named=program.path,
         )
         process.__enter__()
         self._started.append(process)
         return process
 
-    def _require_the_same(self, job: Job, first: Simulated) -> None:
-        """Refuse an FMU that remembers other simulations, or has noise: its derivatives would be arbitrary.
+    def _twice(self, job: Job) -> Simulated:
+        """The result of a job, which is done twice by one process.
+
+        An FMU that remembers other simulations, or has noise, would have arbitrary derivatives.
 
         Raises
         ------
         RigctlError
-            it has another result.
+            the results differ.
         """
-        again = self._one(job)
+        first, again = self._each([job, job])
         if not np.array_equal(first.values, again.values, equal_nan=True):
             raise RigctlError(
                 f"the FMU gives two results for one simulation of {job.name}",
@@ -171,6 +175,7 @@ class Pool:
                 exit_code=ExitCode.FAILED,
             )
         self._steady = True
+        return first
 
     def _require_time(self, seconds: float, count: int) -> None:
         """Refuse what would take hours.

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 @contextmanager
 def family_given(written: str) -> Iterator[None]:
-    """Register a family by its name and file; a Python file is executed, since the user names it explicitly.
+    """Register a family by its name and file; a Python file is executed, and an FMU may be, since the user
+    names it explicitly.
 
     Raises
     ------
@@ -72,7 +73,7 @@ FamilyOption = Annotated[
         metavar="FILE",
         callback=use_family,
         help="Your own family of models, which the rig or model file names: YAML or Python "
-        "(Python is executed).",
+        "(Python is executed); or the FMU that a family file names, so that it may run.",
         show_default=False,
     ),
 ]
