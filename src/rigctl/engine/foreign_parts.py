@@ -35,8 +35,9 @@ def parts_of(system: System, foreign: Foreign) -> tuple[System, System]:
     rates = tuple(
         Input(rate_of(name), unit) for name, unit in zip(foreign.responses, foreign.rate_units, strict=True)
     )
+    units = {item.name: item.unit for item in system.inputs}
     drives = tuple(
-        Output(name, _unit_of(system, name), drive)
+        Output(name, units[name], drive)
         for name, drive in zip(foreign.program.inputs, foreign.drives, strict=True)
     )
     return (
@@ -76,7 +77,3 @@ def _states_behind(system: System, exprs: Iterable[Expr]) -> set[str]:
                 found.add(variable.name)
                 open_ones.append(rates[variable.name])
     return found
-
-
-def _unit_of(system: System, name: str) -> str:
-    return next(item.unit for item in system.inputs if item.name == name)

@@ -315,8 +315,8 @@ def _simulated(program: _Program, points: Floats, drives: Floats, starts: Floats
         good = np.isfinite(rows[: one.done])
         if not good.all():
             row = int(np.argmin(good.all(axis=1)))
-            name = program.setup["names"][int(np.argmin(good[row]))]
-            reason = f"{times[row]:.4g} s: {name} is not a number"
+            column = int(np.argmin(good[row]))
+            reason = f"{times[row]:.4g} s: {program.setup['names'][column]} is {rows[row, column]}"
             rows[row:] = np.nan
     return reason, rows
 
