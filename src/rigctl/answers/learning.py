@@ -206,20 +206,16 @@ def _next(learned: Learned, folder: Path) -> list[Block]:
     """The command that goes on from the ending."""
     runs = [one.run for one in learned.rounds if one.run]
     resume = "rigctl learn --resume"
-    match learned.ended:
-        case LearningEnd.OUTSIDE_LIBRARY if runs:
-            discover = command(["discover", *runs, "--model", learned.model])
-            return [Next(discover, "looks for a formula where no effect of the library fits")]
-        case LearningEnd.BUDGET:
-            return [Next(f"{resume} --budget 1h", "continues with more bench time")]
-        case LearningEnd.ROUNDS:
-            return [Next(f"{resume} --max-rounds 10", "continues with more rounds")]
-        case LearningEnd.DECLINED:
-            return [Next(resume, f"asks again; the proposal is kept in {folder.as_posix()}")]
-        case LearningEnd.STOPPED:
-            return [Next(resume, "continues the run that did not finish")]
-        case _:
-            return []
+    if learned.ended is LearningEnd.OUTSIDE_LIBRARY and runs:
+        discover = command(["discover", *runs, "--model", learned.model])
+        return [Next(discover, "looks for a formula where no effect of the library fits")]
+    after = {
+        LearningEnd.BUDGET: Next(f"{resume} --budget 1h", "continues with more bench time"),
+        LearningEnd.ROUNDS: Next(f"{resume} --max-rounds 10", "continues with more rounds"),
+        LearningEnd.DECLINED: Next(resume, f"asks again; the proposal is kept in {folder.as_posix()}"),
+        LearningEnd.STOPPED: Next(resume, "continues the run that did not finish"),
+    }
+    return [after[learned.ended]] if learned.ended in after else []
 
 
 def round_row(one: Round) -> dict[str, object]:

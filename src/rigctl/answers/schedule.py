@@ -12,6 +12,9 @@ from rigctl.compensation.result import CompensationRow, RangeEnd, Schedule
 from rigctl.units import parse_unit, show, with_uncertainty
 from rigctl.wording import chance_text
 
+#: an error that is smaller than this multiple of the scatter from record to record needs no schedule
+_CLEAR = 2.0
+
 
 def statement(schedule: Schedule) -> str:
     """What to set, what it avoids, and where the schedule ends."""
@@ -51,19 +54,19 @@ def notes(schedule: Schedule) -> list[str]:
             f"{schedule.model} does not agree with these data ({chance_text(schedule.disagreement)}): a "
             "schedule is as good as its model; 'rigctl diagnose' says what it lacks"
         )
-    if schedule.extrapolated:
-        name, low, high, unit = schedule.valid[1]
+    name, low, high, unit = schedule.valid[1]
+    beyond = sum(not low <= row.vary <= high for row in schedule.reached)
+    if beyond:
         texts.append(
-            f"{len(schedule.extrapolated)} of {len(schedule.rows)} set-points lie outside of what was "
+            f"{beyond} of {len(schedule.rows)} set-points lie outside of what was "
             f"measured, {name} {show(low, unit)} to {show(high, unit)}: there the model is extrapolated"
         )
-    if not schedule.needed:
-        off, scatter = (
-            show(one, schedule.unit, difference=True) for one in (schedule.off_if_fixed, schedule.scatter)
-        )
+    off, scatter = schedule.off_if_fixed, schedule.scatter
+    if off < _CLEAR * scatter:
+        off_text, scatter_text = (show(one, schedule.unit, difference=True) for one in (off, scatter))
         texts.append(
-            f"with {schedule.vary} left where it is, {schedule.quantity} would be off by no more than {off}, "
-            f"and records scatter by {scatter}: there is little to compensate"
+            f"with {schedule.vary} left where it is, {schedule.quantity} would be off by no more than "
+            f"{off_text}, and records scatter by {scatter_text}: there is little to compensate"
         )
     return texts
 

@@ -102,7 +102,7 @@ def check_of(
 ) -> Check:
     """Records with the scheduled set-point and with the fixed one, in pairs, their order random with `seed`.
 
-    The operating points increase.
+    The operating points increase, from the first row to the last.
 
     Raises
     ------
@@ -112,7 +112,9 @@ def check_of(
     argument = argument_of(measure, predictor)
     rng = np.random.default_rng(seed)
     records: list[CheckRecord] = []
-    for row in _chosen([row for row in rows if row.reached]):
+    reached = [row for row in rows if row.reached]
+    at = np.linspace(0, len(reached) - 1, min(_POINTS, len(reached))).round()
+    for row in (reached[int(k)] for k in np.unique(at)):
         for _ in range(_PAIRS):
             pair = 1 + len(records) // 2
             for compensated in (True, False) if rng.integers(2) else (False, True):
@@ -126,9 +128,3 @@ def check_of(
         seed=seed,
         records=tuple(records),
     )
-
-
-def _chosen(rows: Sequence[CompensationRow]) -> list[CompensationRow]:
-    """Some of the rows, including the first and the last."""
-    at = np.unique(np.linspace(0, len(rows) - 1, min(_POINTS, len(rows))).round().astype(int))
-    return [rows[int(k)] for k in at]

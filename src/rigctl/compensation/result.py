@@ -99,12 +99,6 @@ class Schedule:
         return tuple(row for row in self.rows if row.reached)
 
     @property
-    def extrapolated(self) -> tuple[CompensationRow, ...]:
-        """The rows whose set-points lie outside of what was measured."""
-        _, low, high, _ = self.valid[1]
-        return tuple(row for row in self.reached if not low <= row.vary <= high)
-
-    @property
     def off_if_fixed(self) -> float:
         """The largest error of the quantity at the fixed set-point, SI."""
         return max(abs(row.fixed - self.target) for row in self.reached)
@@ -113,11 +107,6 @@ class Schedule:
     def scatter(self) -> float:
         """The largest standard deviation of the quantity from record to record, SI."""
         return max(row.scatter for row in self.reached)
-
-    @property
-    def needed(self) -> bool:
-        """Whether the error at the fixed set-point stands out of the scatter."""
-        return self.off_if_fixed >= 2.0 * self.scatter
 
     @property
     def statement(self) -> str:
