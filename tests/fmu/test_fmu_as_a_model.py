@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
-from commands import answer, refusal
+from commands import answer, refusal, told
 from foreign_fmus import motor_fmu
 from rigctl.cli.main import app
 from rigctl.errors import RigctlError
@@ -174,6 +174,29 @@ def test_an_fmu_that_only_a_file_names_is_not_run(tmp_path: Path) -> None:
     said = refusal("compare", run, "--model", "model.yaml")
     assert "motor.fmu: an FMU is a program, and is not run because a file names it" in said
     assert "--family" in said
+
+
+def test_its_effects_are_listed_without_running_it(tmp_path: Path) -> None:
+    write_bench(tmp_path, acceleration="abort(), 0.0")
+    slots = {one["slot"]: one for one in answer("effects", "list", "--family", "family.yaml")["generic"]}
+    assert set(slots) == {"voltage_input", "voltage_delay", "current_reading", "speed_reading"}
+    assert "lag_of_speed" in slots["speed_reading"]["effects"]
+    assert "dead_band_of_voltage" in slots["voltage_input"]["effects"]
+
+
+def test_it_is_not_exported_again(tmp_path: Path) -> None:
+    write_bench(tmp_path)
+    said = refusal("model", "export", "model.yaml", "-o", "again.fmu", "--family", "motor.fmu")
+    assert "the equations of this model are in an FMU already" in said
+
+
+def test_an_effect_is_added_and_fitted_with_its_parameters(tmp_path: Path) -> None:
+    run = write_bench(tmp_path, reading=lambda speed: speed + 4.0)
+    told("model", "add", "model.yaml", "offset_of_speed", run, "--family", "motor.fmu")
+    found = answer("model", "show", "model.yaml", "--family", "motor.fmu")
+    values = {one["name"]: one["value"] for one in found["parameters"]}
+    assert values["offset_of_speed.size"] == pytest.approx(4.0, abs=0.15)
+    assert values["resistance"] == pytest.approx(2.0, abs=0.006)
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def check_family(family: ModelFamily) -> ModelFamily:
 def examine_family(family: ModelFamily) -> tuple[Flaw, ...]:
     """The problems of a family; empty if there are none."""
     declared = tuple(_declarations(family))
-    if declared:
+    if declared or family.program is not None:  # an FMU has its equations
         return declared
     written = _Written(family)
     return tuple(written.flaws or (*_unused(written), *_gaps(written)))

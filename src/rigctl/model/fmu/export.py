@@ -65,10 +65,12 @@ def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Expor
     Raises
     ------
     RigctlError
-        there is no compiler or it fails, or the file cannot be written.
+        there is no compiler or it fails, the file cannot be written, or the model consists of an FMU.
     """
     if path.suffix.lower() != ".fmu":
         raise RigctlError("unknown kind of file", value=path.name, expected="a name that ends in .fmu")
+    if model.family.program is not None:
+        raise RigctlError("the equations of this model are in an FMU already", value=model.family.source)
     system = model.system()
     states, inputs = _start(model)
     ordered = [states[name] for name in system.state_names]
