@@ -15,7 +15,8 @@ from rigctl.backends.errors import OutOfReach, OutputsNotSafe
 from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand, Sample
 from rigctl.dataset import open_run
 from rigctl.rig import parse_rig
-from rigctl.testing import RunLog, ScriptedClock, VirtualBench
+from rigctl.runner.operators.requests import Request
+from rigctl.testing import RunLog, ScriptedClock, ScriptedControl, VirtualBench
 
 RIG = """\
 name: three
@@ -104,8 +105,9 @@ def bench() -> Lossy:
     return Lossy()
 
 
-def run(bench: Lossy, folder: Path, steps: str) -> RunLog:
-    return VirtualBench(folder).run(steps, rig=bench.rig, backend=bench)
+def run(bench: Lossy, folder: Path, steps: str, *orders: tuple[float, Request]) -> RunLog:
+    control = ScriptedControl(list(orders))
+    return VirtualBench(folder).run(steps, rig=bench.rig, backend=bench, control=control)
 
 
 ON = "steps:\n  - set: {x: on, y: on}\n"
@@ -285,3 +287,21 @@ def test_a_record_with_cleanup_is_set_up_again_before_it_is_repeated(bench: Loss
     last = [on for time, *on in bench.outputs_at if 12.0 < time < 15.5]
     assert last
     assert all(on == [True, True] for on in last)
+
+
+def test_a_branch_that_waits_for_a_reading_of_the_lost_device_goes_on(bench: Lossy, tmp_path: Path) -> None:
+    bench.dies("b", 1.3, 9.0)
+    steps = "steps:\n  - wait: 1 s\n  - set: {x: on}\n  - if: vb > 0 V\n    do: [wait: 1 s]\n"
+    done = run(bench, tmp_path, steps)
+    assert done.result.status == "finished", done.result.reason
+    assert done.states[1:4] == ["running", "paused", "running"]
+    assert done.outcome("wait 1 s") == "complete"
+    assert done.result.duration == pytest.approx(10.0, abs=0.5)
+
+
+def test_a_person_ends_a_run_that_waits_for_a_device(bench: Lossy, tmp_path: Path) -> None:
+    bench.dies("b", 2.0, 15.0)
+    done = run(bench, tmp_path, ON + "  - wait: 5 s\n", (6.0, Request.ABORT))
+    assert done.result.status == "aborted"
+    assert done.result.duration < 10.5
+    assert done.result.unconfirmed == "b: y on"
