@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -58,6 +60,13 @@ def interrupt(process: subprocess.Popen[str]) -> None:
         process.send_signal(signal.SIGINT)
     else:
         process.terminate()
+
+
+def words_of(command: str) -> list[str]:
+    """The words of a command that was printed, as this system's shell reads them: PowerShell on Windows."""
+    if os.name == "nt":
+        command = re.sub("'((?:[^']|'')*)'", lambda found: shlex.quote(found[1].replace("''", "'")), command)
+    return shlex.split(command)
 
 
 def listed_ports(monkeypatch: pytest.MonkeyPatch, comports: Callable[[], object]) -> None:

@@ -99,7 +99,12 @@ def serving(project: Path, *options: str, state: Path, ends: int = 0) -> Iterato
     command = [*RIGCTL, "serve", str(project), "--no-browser", *options]
     environment = {**os.environ, **own_state(state), "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=project
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        cwd=project.parent,
     )
     assert process.stdout is not None
     assert process.stderr is not None

@@ -20,7 +20,7 @@ from rigctl.web.lease import Lease
 from rigctl.web.live import Live
 from rigctl.web.request_handling import PageRequest
 from rigctl.web.server_state import Site
-from systems import own_state
+from systems import needs_windows_itself, own_state
 from web.serving import Window
 from web.watched import wait_for
 
@@ -132,6 +132,7 @@ def test_a_movement_is_a_jog_after_which_the_bench_is_watched_again(bench: Bench
     assert times == sorted(times)
 
 
+@needs_windows_itself("Ctrl-Break from one program to another")
 @pytest.mark.parametrize("ending", ["gone", "taken over", "stopped", "server"])
 def test_every_ending_ends_the_movement(bench: Bench, monkeypatch: pytest.MonkeyPatch, ending: str) -> None:
     """The window is closed or hangs, another takes the controls, Stop is pressed, the server ends."""
@@ -161,6 +162,27 @@ def test_every_ending_ends_the_movement(bench: Bench, monkeypatch: pytest.Monkey
     assert bench.state()["unsafe"] == ""
 
 
+def test_a_movement_that_cannot_be_told_to_end_ends_because_nobody_hears_it(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on Windows without a console; what the command has confirmed is then not heard either."""
+
+    def fail(_: object) -> None:
+        raise OSError(6, "The handle is invalid")
+
+    monkeypatch.setattr(by_hand, "_interrupt", fail)
+    bench.watched()
+    bench.ask(bench.hand.open_controls)
+    bench.ask(bench.hand.move, actuator="valve", value="extend", seconds=10.0)
+    wait_for(lambda: bench.state()["outputs"].get("valve") == "extend")
+    bench.ask(bench.hand.stop)
+    wait_for(bench.ended)
+    state = bench.state()
+    assert "neutral" in state["messages"][-1]["text"]
+    assert "valve" in state["unsafe"]
+    assert not state["open"]
+
+
 def test_a_real_bench_is_opened_by_its_name(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(by_hand, "_is_real", lambda _: True)
     for typed in ("", "HL32", "hl32 bench"):
@@ -171,16 +193,10 @@ def test_a_real_bench_is_opened_by_its_name(bench: Bench, monkeypatch: pytest.Mo
 
 
 class Silent:
-    """A process that says nothing, and notes how it is asked to end."""
-
-    def __init__(self) -> None:
-        self.signals: list[int] = []
+    """A process that says nothing."""
 
     def poll(self) -> None:
         return None
-
-    def send_signal(self, number: int) -> None:
-        self.signals.append(number)
 
 
 @pytest.fixture
@@ -198,6 +214,7 @@ def stub(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
         found.hand._command = by_hand._Command(words, Silent())  # type: ignore[arg-type]
 
     monkeypatch.setattr(found.hand, "_start", start)
+    monkeypatch.setattr(by_hand, "_interrupt", lambda _: None)
     yield found
     found.hand._command = None
 

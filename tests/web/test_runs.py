@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import chdir
@@ -24,6 +23,7 @@ from rigctl.web.overlay import _query, overlay
 from rigctl.web.request_handling import PageRequest
 from rigctl.web.runs import Catalogue
 from rigctl.web.server_state import Site
+from systems import words_of
 from web.serving import Served, Window, serving
 
 MARKUP = "<img src=x onerror=\"document.title='broken in'\"> & <b>worn</b>"
@@ -186,7 +186,7 @@ def test_the_command_beside_an_overlay_lists_what_is_drawn(
     shown = overlay(runs, y, x)
     assert shown["kind"] == kind
     assert {one["run"] for one in shown["series"]} == set(two)
-    words = shlex.split(shown["command"])
+    words = words_of(shown["command"])
     with chdir(served.project):
         listed = json.loads(told(*words[1:], "--json"))
     rows = [dict(zip(listed["columns"], row, strict=True)) for row in listed["rows"]]
@@ -254,7 +254,7 @@ def test_the_command_beside_an_overlay_lists_usable_records_only(
     shutil.copytree(served.project / "runs" / two[0], copied)
     exclude(copied, [1], "air")
     run = open_run(two[0], tmp_path / "runs")
-    sql = shlex.split(overlay([run], y, x)["command"])[-1]
+    sql = words_of(overlay([run], y, x)["command"])[-1]
     listed = query(sql, tmp_path / "runs")
     assert listed.columns[-1] == y
     assert {row[listed.columns.index("record")] for row in listed.rows} == {0, 2, 3}

@@ -2,13 +2,54 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+import stat
 import sys
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 #: exit status of a program whose output is not read to its end: a shell's number for SIGPIPE, 128 + 13
 UNREAD: Final = 141
+
+
+class _Pipe(io.FileIO):
+    """A pipe on Windows, where writing what nobody reads is an 'invalid argument'."""
+
+    broken = False  #: of any of them
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        """Write, and raise `BrokenPipeError` as everywhere else if nobody reads it."""
+        try:
+            return super().write(data)
+        except OSError as problem:
+            if problem.errno not in (errno.EINVAL, errno.EPIPE):
+                raise
+            _Pipe.broken = True
+            raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)) from problem
+
+
+def notice_closed_pipes() -> None:
+    """On Windows, let stdout and stderr say that their reader has gone, as they do elsewhere."""
+    if os.name != "nt":
+        return
+    for name, handle in (("stdout", 1), ("stderr", 2)):
+        stream = getattr(sys, name)
+        if not isinstance(stream, io.TextIOWrapper) or not stat.S_ISFIFO(os.fstat(handle).st_mode):
+            continue
+        pipe: Any = _Pipe(handle, "wb", closefd=False)
+        text = io.TextIOWrapper(
+            pipe if stream.write_through else io.BufferedWriter(pipe),
+            stream.encoding,
+            stream.errors,
+            line_buffering=stream.line_buffering,
+            write_through=stream.write_through,
+        )
+        setattr(sys, name, text)
 
 
 def by_closed_pipe(end: BaseException) -> bool:
@@ -29,7 +70,7 @@ def is_unread() -> bool:
     try:
         from select import POLLERR, POLLHUP, poll
     except ImportError:  # Windows
-        return True
+        return _Pipe.broken
     poller = poll()
     for handle in (1, 2):
         poller.register(handle, 0)

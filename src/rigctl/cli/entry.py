@@ -9,7 +9,7 @@ import signal
 import sys
 
 from rigctl.child_process import isolate_children
-from rigctl.cli.closed_output import UNREAD, by_closed_pipe, discard_output, is_unread
+from rigctl.cli.closed_output import UNREAD, by_closed_pipe, discard_output, is_unread, notice_closed_pipes
 
 #: exit status after Ctrl-C, as `rigctl.errors.ExitCode` has it, which is imported later
 INTERRUPTED = 130
@@ -21,6 +21,7 @@ def main() -> None:
     Where the reader of the output has closed the pipe, as ``head`` does, the process ends without a message.
     """
     isolate_children()
+    notice_closed_pipes()
     code: int | str | None = 0
     unread = False
     try:

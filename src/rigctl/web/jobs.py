@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryDirectory
@@ -240,11 +240,12 @@ class Jobs:
 
     def _watch(self, job: Job, pipe: Connection) -> None:
         """Read the messages of a process until it ends."""
+        process = self._processes[job.id]
         with suppress(EOFError, OSError):
-            while True:
+            # on Windows, the pipe of a process that is ended while it starts stays open
+            while pipe in wait([pipe, process.sentinel]) or pipe.poll():
                 self._take(job, pipe.recv())
         pipe.close()
-        process = self._processes[job.id]
         process.join()
         with self._lock:
             job.seconds = monotonic() - job.since
