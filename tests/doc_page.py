@@ -216,7 +216,7 @@ class PageRun:
                 process.kill()
 
     def _at_home(self, printed: str) -> str:
-        printed = printed.replace(str(self._home), HOME).replace("\\", "/")
+        printed = printed.replace("\\", "/").replace(self._home.as_posix(), HOME)
         for written, real in self._served.items():
             printed = printed.replace(real, written)
         return printed

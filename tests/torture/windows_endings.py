@@ -45,7 +45,7 @@ ENDINGS: dict[str, int | None] = {
     "job ended": None,
 }
 #: s until rigctl heats, until it has ended after it was told to, and until the heater is off after that
-STARTS, ENDS, OFF = 180.0, 120.0, 30.0
+STARTS, ENDS, OFF = 600.0, 120.0, 30.0
 
 
 @dataclass(frozen=True)
