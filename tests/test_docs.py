@@ -14,6 +14,7 @@ import rigctl
 from doc_page import PageRun, blocks, steps
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import annotate
+from systems import needs_compiler
 
 pytestmark = pytest.mark.usefixtures("shared_results")
 
@@ -25,6 +26,7 @@ FOR_CONTRIBUTORS = [ROOT / "CONTRIBUTING.md", ROOT / "rigctl-validation" / "READ
 _ELSEWHERE = "write-an-effect.md"
 #: needs the emulated board
 _ON_LINUX = "first-run-on-hardware.md"
+_COMPILED = "use-a-model-in-another-simulator.md"
 CARRIED_OUT = [
     path
     for path in PAGES
@@ -89,7 +91,11 @@ def test_the_dataset_page_names_everything_that_is_in_a_run(tmp_path: Path) -> N
     assert there <= told, f"dataset.md says nothing of {sorted(there - told)}"
 
 
-@pytest.mark.parametrize("page", CARRIED_OUT, ids=named)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(path, marks=needs_compiler if path.name == _COMPILED else ()) for path in CARRIED_OUT],
+    ids=named,
+)
 def test_the_commands_of_a_page_print_what_the_page_shows(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

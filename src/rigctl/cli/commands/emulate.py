@@ -11,9 +11,9 @@ from rigctl.cli.echo import echo
 
 
 def emulate(
-    rig: Annotated[Path, typer.Option(help="Rig file of the bench that its pins are wired to.")] = Path(
-        "rigs/hl32-bench-uno.yaml"
-    ),
+    rig: Annotated[
+        str, typer.Option(metavar="<path>", help="Rig file of the bench that its pins are wired to.")
+    ] = "rigs/hl32-bench-uno.yaml",
     link: Annotated[
         Path | None, typer.Option(help="Name for the port, e.g. ttyRIG.", show_default=False)
     ] = None,
@@ -41,7 +41,7 @@ def emulate(
 
     if speed == "max":
         raise RigctlError("other clients run in real time", value=speed, expected="1x, or e.g. 5x")
-    path = rig if rig.exists() else find_project().resolve(rig)
+    path = Path(rig) if Path(rig).exists() else find_project().resolve(rig)
     options: dict[str, object] = {"baud": baud} if seed is None else {"baud": baud, "seed": seed}
     board = make_board(load_rig(path), options)
     bridge = PtyBridge(board, clock_for(speed, "emulated"))
