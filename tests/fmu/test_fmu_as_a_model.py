@@ -157,6 +157,17 @@ def test_an_effect_at_its_edge_is_found_and_not_called_certain(tmp_path: Path) -
     assert size["value"] == pytest.approx(4.0, abs=3.0 * size["std"])
 
 
+def test_an_effect_on_its_command_is_found(tmp_path: Path) -> None:
+    run = write_bench(tmp_path, command=lambda volts: float(np.sign(volts) * max(abs(volts) - 0.8, 0.0)))
+    found = diagnosed(run)
+    assert (found["verdict"], found["effects"]) == ("ambiguous", ["dead_band_of_voltage"]), found["statement"]
+
+
+def test_where_nothing_is_missing_it_is_adequate(tmp_path: Path) -> None:
+    found = diagnosed(write_bench(tmp_path))
+    assert (found["verdict"], found["effects"]) == ("adequate", []), found["statement"]
+
+
 def test_a_cause_inside_it_is_not_taken_for_an_effect_at_its_edge(tmp_path: Path) -> None:
     run = write_bench(tmp_path, inside=lambda speed: -2e-6 * speed * abs(speed))
     found = diagnosed(run)
