@@ -41,7 +41,10 @@ needs_compiler = pytest.mark.skipif(
 
 def needs_package(name: str) -> pytest.MarkDecorator:
     """Mark a test that needs a package which `tools/windows-under-wine` does not install."""
-    missing = os.name == "nt" and find_spec(name) is None
+    found = find_spec(name) if os.name == "nt" else None
+    missing = os.name == "nt" and (
+        found is None or found.origin is None
+    )  # no origin: a mere folder, as build/ is
     return pytest.mark.skipif(missing, reason=f"needs {name}, which is not installed there")
 
 
