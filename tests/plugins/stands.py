@@ -98,12 +98,14 @@ class Stand:
         (folder / "rigctl.toml").write_text("", encoding="utf-8")
         self.rig = folder / "oven.yaml"
         self.change(r"^  port: .*", f"  port: {self.port}")
+        if kind == "can":
+            self.change(r"    bus: .*", f"    bus: {{port: {self.number}}}")
         self._broker = self.start_broker() if kind == "mqtt" else None
         self.device = self.start()
 
     @property
     def port(self) -> str:
-        return f"127.0.0.1:{self.number}"
+        return "udp_multicast:239.74.163.2" if self.kind == "can" else f"127.0.0.1:{self.number}"
 
     def change(self, pattern: str, new: str) -> None:
         """Change the rig file in one place."""
@@ -114,6 +116,8 @@ class Stand:
     def be_patient(self) -> None:
         """Let no answer count as late on a busy computer."""
         self.rig.write_text(patient(self.rig.read_text("utf-8"), wake="60 s"), encoding="utf-8")
+        if self.kind != "epics":
+            self.change(r"    max_age: .*", "    max_age: 60 s")
 
     def start(self, *arguments: str) -> Device:
         number = str(self.number)

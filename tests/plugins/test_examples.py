@@ -19,7 +19,7 @@ from rigctl.rig import load_rig
 from rigctl.testing.contract import BackendContract, Subject
 from systems import needs_package
 
-KINDS = [pytest.param(kind, marks=needs_package(f"rigctl_{kind}")) for kind in ("epics", "mqtt")]
+KINDS = [pytest.param(kind, marks=needs_package(f"rigctl_{kind}")) for kind in ("epics", "mqtt", "can")]
 #: changes of the rig file, and what is said about each
 WRONG = {
     "epics": [
@@ -30,11 +30,27 @@ WRONG = {
         ("oven/temperature", "oven/temperatur", "nothing is published on 'oven/temperatur'"),
         ("oven/temperature", "oven/label", "'oven/label' says 'an oven', which is no number"),
     ],
+    "can": [
+        ("Status.Temperature", "Status.Temperatur", "unknown signal, got 'Status.Temperatur'"),
+        ("dbc: oven.dbc", "dbc: ovens.dbc", "the file of the messages cannot be read"),
+    ],
 }
-ABSENT = {"epics": "no EPICS server answers", "mqtt": "no MQTT broker answers"}
-LOST = {"epics": "the EPICS server", "mqtt": "'oven/status' says 'offline'"}
+ABSENT = {
+    "epics": "no EPICS server answers",
+    "mqtt": "no MQTT broker answers",
+    "can": "nobody sends Status",
+}
+LOST = {
+    "epics": "the EPICS server",
+    "mqtt": "'oven/status' says 'offline'",
+    "can": "Status has not come for 1 s",
+}
 #: what is said where the fan does not do what it is told
-OTHERWISE = {"epics": "fan", "mqtt": "error oven/fan says '80' after"}
+OTHERWISE = {
+    "epics": "the device has set fan to 80 % by itself",
+    "mqtt": "error oven/fan says '80' after",
+    "can": "error Status.FanSpeed says 80 after 100 was set",
+}
 
 
 @pytest.fixture(params=KINDS)
