@@ -113,11 +113,12 @@ class Stand:
         assert found == 1, pattern
         self.rig.write_text(text, encoding="utf-8")
 
-    def be_patient(self) -> None:
+    def be_patient(self, *, wake: str = "60 s", silence: str = "60 s") -> None:
         """Let no answer count as late on a busy computer."""
-        self.rig.write_text(patient(self.rig.read_text("utf-8"), wake="60 s"), encoding="utf-8")
+        text = patient(self.rig.read_text("utf-8"), wake=wake, stale_after=silence)
+        self.rig.write_text(text, encoding="utf-8")
         if self.kind != "epics":
-            self.change(r"    max_age: .*", "    max_age: 60 s")
+            self.change(r"    max_age: .*", f"    max_age: {silence}")
 
     def start(self, *arguments: str) -> Device:
         number = str(self.number)

@@ -43,7 +43,7 @@ ABSENT = {
 LOST = {
     "epics": "the EPICS server",
     "mqtt": "'oven/status' says 'offline'",
-    "can": "Status has not come for 1 s",
+    "can": "Status has not come for 5 s",
 }
 #: what is said where the fan does not do what it is told
 OTHERWISE = {
@@ -134,6 +134,7 @@ def test_no_server_is_one_message(stand: Stand) -> None:
 
 
 def test_a_device_that_ends_ends_the_run_and_its_guard_makes_safe_what_comes_back(stand: Stand) -> None:
+    stand.be_patient(silence="5 s")
     run = own_process.begin(stand.folder, "run", "step.yaml", "--json")
     stand.device.wait_for("heater", 1.0)
     stand.device.kill()

@@ -75,7 +75,8 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
     """Open the port of an `Address`."""
-    return ClientPort(url, lambda: CanClient(url, settings), clock)
+    until = time.monotonic() + _KNOWN_AFTER * float(settings["wake"])  # with the import of the library
+    return ClientPort(url, lambda: CanClient(url, settings, until), clock)
 
 
 def _messages(file: Path) -> list[Any]:
@@ -98,7 +99,7 @@ class CanClient:
         there is no bus, or nobody sends one of the messages.
     """
 
-    def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
+    def __init__(self, url: str, settings: Mapping[str, Any], until: float) -> None:
         import can
 
         self._name = url
@@ -122,7 +123,7 @@ class CanClient:
             raise PortLost(f"{url}: the bus cannot be opened: {error}") from None
         self._notifier = can.Notifier(self._bus, [self._received])
         wanted = {message.name for message in self._frames.values()}
-        if not self._wait(lambda: wanted <= self._newest.keys(), _KNOWN_AFTER * float(settings["wake"])):
+        if not self._wait(lambda: wanted <= self._newest.keys(), max(until - time.monotonic(), 0.0)):
             missing = ", ".join(sorted(wanted - self._newest.keys()))
             self.close()
             raise PortLost(f"{url}: nobody sends {missing}")

@@ -60,7 +60,8 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
     """Open the port of an `Address`."""
-    return ClientPort(url, lambda: EpicsClient(url, settings), clock)
+    until = time.monotonic() + _KNOWN_AFTER * float(settings["wake"])  # with the import of the library
+    return ClientPort(url, lambda: EpicsClient(url, settings, until), clock)
 
 
 class EpicsClient:
@@ -72,7 +73,7 @@ class EpicsClient:
         one of them is not there, or holds no number.
     """
 
-    def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
+    def __init__(self, url: str, settings: Mapping[str, Any], until: float) -> None:
         from caproto.threading.client import Context
 
         logging.getLogger("caproto").setLevel(logging.CRITICAL)  # what matters is raised below
@@ -89,7 +90,7 @@ class EpicsClient:
             wanted = list(dict.fromkeys([*(variable for variable, _ in self._read), *self._set.values()]))
             found = self._context.get_pvs(*wanted)
             self._variables: dict[str, Any] = dict(zip(wanted, found, strict=True))
-            self._check(time.monotonic() + _KNOWN_AFTER * float(settings["wake"]))
+            self._check(until)
         except BaseException:
             self.close()
             raise

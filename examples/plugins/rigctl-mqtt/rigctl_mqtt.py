@@ -71,7 +71,8 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
     """Open the port of an `Address`."""
-    return ClientPort(url, lambda: MqttClient(url, settings), clock)
+    until = time.monotonic() + _KNOWN_AFTER * float(settings["wake"])  # with the import of the library
+    return ClientPort(url, lambda: MqttClient(url, settings, until), clock)
 
 
 class MqttClient:
@@ -83,7 +84,7 @@ class MqttClient:
         there is no broker, or nothing is published on one of the topics.
     """
 
-    def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
+    def __init__(self, url: str, settings: Mapping[str, Any], until: float) -> None:
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
 
@@ -108,7 +109,7 @@ class MqttClient:
             raise PortLost(f"{url}: no MQTT broker answers: {error}") from None
         self._client.loop_start()
         try:
-            self._check(_KNOWN_AFTER * float(settings["wake"]))
+            self._check(max(until - time.monotonic(), 0.0))
         except BaseException:
             self.close()
             raise
