@@ -109,6 +109,8 @@ class EpicsClient:
         except ErrorResponseReceived as refused:
             return f"error {' '.join(str(refused).split())}"
         except TimeoutError:
+            for name in self._variables:
+                self._connected(name)  # or it is gone
             return None
         except (CaprotoError, OSError, KeyError):  # KeyError: how caproto's read ends with its server
             raise PortLost(f"{self._name}: the EPICS server is gone") from None
