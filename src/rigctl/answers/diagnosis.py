@@ -77,6 +77,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
             ("fit", fit_text(diagnosis.before)),
             (_size_head(diagnosis), _sizes(diagnosis)),
             *(("or", one) for one in _others(diagnosis)),
+            ("searched", _searched(diagnosis)),
             ("certain", _certain(diagnosis)),
             ("how sure", _sureness(diagnosis)),
             ("error", _error(diagnosis)),
@@ -431,6 +432,14 @@ def size_text(diagnosis: Diagnosis, one: Ranked) -> str:
         plain = everyday(candidate.effect, name, value, diagnosis.best.fit.problem)
         texts.append(f"{name} {value}" + (f", {plain}" if plain else ""))
     return "; ".join(texts)
+
+
+def _searched(diagnosis: Diagnosis) -> str:
+    """Where effects were looked for; "" if anywhere."""
+    program = diagnosis.before.fit.problem.model.family.program
+    if program is None:
+        return ""
+    return f"only at the inputs and outputs of {program.path.name}; the cause may be inside the FMU"
 
 
 def _certain(diagnosis: Diagnosis) -> str:
