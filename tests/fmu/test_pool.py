@@ -56,14 +56,15 @@ def test_results_are_in_the_order_of_the_jobs_however_they_are_shared(tmp_path: 
     assert [one.values[0, 0] for one in found] == [float(k) for k in range(7)]
 
 
-def test_an_fmu_that_hangs_ends_the_work_in_one_message(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [20, 20_000], ids=["in the pipe", "more than a pipe holds"])
+def test_an_fmu_that_hangs_ends_the_work_in_one_message(tmp_path: Path, count: int) -> None:
     hanging = f"m->k > 0.04 ? loop() : {ACCELERATION}"
-    with pool(motor_fmu(tmp_path / "motor.fmu", acceleration=hanging), patience=1.0) as processes:
+    with pool(motor_fmu(tmp_path / "motor.fmu", acceleration=hanging), 1, patience=2.0) as processes:
         processes.run([job(0.03)])
         with pytest.raises(
-            RigctlError, match=r"motor\.fmu: the FMU has not finished .* kt = 0\.05 .* in 1 s"
+            RigctlError, match=r"motor\.fmu: the FMU has not finished .* kt = 0\.05 .* in 2 s"
         ):
-            processes.run([job(0.03), job(0.05), job(0.03)])
+            processes.run([job(0.03), job(0.05), job(0.03, count=count), job(0.03, count=count)])
 
 
 def test_an_fmu_with_a_memory_of_other_simulations_is_refused(tmp_path: Path) -> None:

@@ -60,6 +60,7 @@ class FmuProcess:
         self._named = named or path
         self._inputs, self._outputs, self._starts = inputs, outputs, starts
         self._of_inputs, self._of_outputs, self._of_starts = map(_scale, (inputs, outputs, starts))
+        self._requests: SimpleQueue[tuple[Mapping[str, Any], tuple[Floats, ...]] | None] = SimpleQueue()
         self._answers: SimpleQueue[_Answer | None] = SimpleQueue()
 
     def __enter__(self) -> Self:
@@ -70,8 +71,12 @@ class FmuProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
-        self._reader = threading.Thread(target=self._read_answers, daemon=True)
-        self._reader.start()
+        self._threads = [
+            threading.Thread(target=forward, daemon=True)
+            for forward in (self._read_answers, self._write_requests)
+        ]
+        for thread in self._threads:
+            thread.start()
         setup = {
             "fmu": str(self._path.resolve()),
             "folder": str(Path(self._folder.name) / "unpacked"),
@@ -96,7 +101,9 @@ class FmuProcess:
     ) -> None:
         self._child.kill()
         self._child.wait()
-        self._reader.join()
+        self._requests.put(None)
+        for thread in self._threads:
+            thread.join()
         for stream in (self._child.stdin, self._child.stdout):
             if stream is not None:
                 with suppress(OSError):
@@ -152,9 +159,7 @@ class FmuProcess:
         return reason, np.asarray(rows[0] * factors + offsets)
 
     def _send(self, command: Mapping[str, Any], *arrays: Floats) -> None:
-        assert self._child.stdin is not None  # noqa: S101 - it is a pipe
-        with suppress(OSError):  # it has ended: so do its answers
-            write_message(self._child.stdin, command, *arrays)
+        self._requests.put((command, arrays))
 
     def _answer(self, what: str, patience: float) -> _Answer:
         """The next answer.
@@ -175,6 +180,15 @@ class FmuProcess:
 
     def _error(self, what: str, hint: str = "") -> RigctlError:
         return RigctlError(what, where=Location(self._named), hint=hint or None, exit_code=ExitCode.FAILED)
+
+    def _write_requests(self) -> None:
+        """Send the requests; in a thread, because an FMU that hangs leaves the pipe full, and only who waits
+        for its answer knows how long that may take."""
+        assert self._child.stdin is not None  # noqa: S101 - it is a pipe
+        while (request := self._requests.get()) is not None:
+            command, arrays = request
+            with suppress(OSError):  # it has ended: so do its answers
+                write_message(self._child.stdin, command, *arrays)
 
     def _read_answers(self) -> None:
         """Forward the answers of the process, None at their end; in a thread, because reading one blocks."""
