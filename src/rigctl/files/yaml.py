@@ -31,11 +31,15 @@ _PARSER_FAULTS = (ValueError, TypeError, LookupError, AttributeError, AssertionE
 
 @dataclass(frozen=True)
 class Document:
-    """A YAML document: its data as plain Python objects, its text, and the location of every part."""
+    """A YAML document: its data as plain Python objects, its text, and the location of every part.
+
+    One that is `generated` has no locations: no user could look them up.
+    """
 
     path: Path | None
     text: str
     root: Node
+    generated: bool = False
 
     @property
     def data(self) -> Any:
@@ -48,6 +52,8 @@ class Document:
         Keys that the document does not contain are skipped, so that a missing field is located at the mapping
         in which it is missing.
         """
+        if self.generated:
+            return Location()
         value, key = descend(self.root, keys)
         node = key if of_key else value
         return Location(self.path, node.line, node.column)

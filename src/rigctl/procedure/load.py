@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
@@ -142,15 +142,17 @@ def load_procedure(path: str | Path) -> Procedure:
     return _build(read_document(Path(path)))
 
 
-def parse_procedure(text: str, path: Path | None = None) -> Procedure:
+def parse_procedure(text: str, path: Path | None = None, *, generated: bool = False) -> Procedure:
     """Return the procedure that a text describes, e.g. that stored with a run; `path` names it in messages.
+
+    Messages about a `generated` one have no line and column.
 
     Raises
     ------
     RigctlError
         as `load_procedure`.
     """
-    return _build(parse_document(text, path))
+    return _build(replace(parse_document(text, path), generated=generated))
 
 
 def _build(document: Document) -> Procedure:

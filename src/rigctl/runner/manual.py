@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from rigctl.backends.protocol import Backend, Combined, Polled, Sample
-from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
+from rigctl.errors import ExitCode, RigctlError, unknown_name
 from rigctl.plan import Plan
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig
@@ -24,9 +23,6 @@ from rigctl.runner.session import RunResult, run
 
 #: longest response time to Ctrl-C, s of wall time
 _RESPONSE = 0.1
-
-#: line and column at the start of a reason
-_PLACE = re.compile(r"^\d+:\d+: ")
 
 OnEvent = Callable[[float, str, Mapping[str, Any]], None]
 OnSample = Callable[[Sample], None]
@@ -107,7 +103,7 @@ def jog(
     plan = _plan_of_jog(rig, actuator, value, duration)
     with held(rig, f"'rigctl jog {actuator}'", how) as lock, opened(rig, how) as backend:
         controls = [*how.controls, *([beside(lock, backend.clock)] if lock is not None else [])]
-        result = run(
+        return run(
             plan,
             backend,
             Unrecorded(on_event) if on_sample is None else _Watched(rig, on_event, on_sample),
@@ -115,8 +111,6 @@ def jog(
             controls=controls,
             observer=how.observer,
         )
-    # a location in a procedure that was generated here helps nobody
-    return replace(result, reason=_PLACE.sub("", result.reason)) if result.reason else result
 
 
 def needs_person(rig: Rig, actuator: str, duration: str | None, how: Access) -> bool:
@@ -209,8 +203,4 @@ def _plan_of_jog(rig: Rig, actuator: str, value: str, duration: str | None) -> P
     elif described.by == "driven":
         steps.append({"prompt": f"{actuator} is at {value}; Enter brings it back"})
     text = json.dumps({"procedure": f"jog {actuator}", "steps": steps})  # JSON is YAML
-    try:
-        return expand(parse_procedure(text), rig)
-    except RigctlError as error:
-        error.where = Location()
-        raise
+    return expand(parse_procedure(text, generated=True), rig)
