@@ -29,7 +29,10 @@ BEFORE: Any = SimpleNamespace(
     rejected_if_exact=None,
     bounds=(),
     undetermined=(),
-    fit=SimpleNamespace(solution=None),
+    fit=SimpleNamespace(
+        solution=None,
+        problem=SimpleNamespace(model=SimpleNamespace(family=SimpleNamespace(program=None))),
+    ),
 )
 
 

@@ -26,6 +26,7 @@ from rigctl.analysis.search.identity import (
     wanted_elsewhere,
 )
 from rigctl.analysis.search.judgement import Judgement, _sure_members, verdict_on
+from rigctl.analysis.search.reasons import OnlyEdgesSearched
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.rivals import Rival
 from rigctl.analysis.search.search import Search
@@ -254,6 +255,7 @@ def judged(of_set: Verdict, **changed: Any) -> Judgement:
     given: dict[str, Any] = {"rivals": (), "answer": answer, "every_law": None, "scatters": ()} | changed
     made = Judgement(cast("Any", None), cast("Any", best), **given)
     vars(made)["of_set"] = of_set
+    vars(made)["edges"] = ()  # its equations are not in an FMU
     vars(made)["laws"] = tuple(given.get("every_law") or ())
     return made
 
@@ -285,6 +287,16 @@ def test_an_effect_whose_own_variable_does_not_matter_is_not_certain(
     assert one.verdict is (Verdict.AMBIGUOUS if why else Verdict.MISSING_EFFECT)
     assert one.unconfirmed == (() if why else ("alpha",))
     assert judged(Verdict.OUTSIDE_LIBRARY, **changed).verdict is Verdict.OUTSIDE_LIBRARY
+
+
+def test_an_effect_at_the_edge_of_an_fmu_is_never_certain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its cause may be inside, where nothing was searched."""
+    monkeypatch.setattr(judgement, "certain_levels", lambda *_: ("a level",))
+    one = judged(Verdict.MISSING_EFFECT)
+    vars(one)["edges"] = (OnlyEdgesSearched("motor.fmu"),)
+    assert one.verdict is Verdict.AMBIGUOUS
+    assert one.levels == ()
+    assert one.unconfirmed == ()
 
 
 def test_more_records_may_confirm_an_effect_only_if_nothing_else_speaks_against_it() -> None:

@@ -87,7 +87,7 @@ class Judgement:
             return Verdict.AMBIGUOUS
         return self.of_set
 
-    @property
+    @cached_property
     def edges(self) -> tuple[OnlyEdgesSearched, ...]:
         """That effects were searched at the edges of an FMU alone, if the equations are in one."""
         program = self.search.before.fit.problem.model.family.program
