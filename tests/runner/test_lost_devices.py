@@ -15,7 +15,8 @@ from rigctl.backends.errors import OutOfReach, OutputsNotSafe
 from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand, Sample
 from rigctl.dataset import open_run
 from rigctl.rig import parse_rig
-from rigctl.runner.operators.requests import Request
+from rigctl.runner.operators.requests import Order, Request
+from rigctl.runner.recorder import Unrecorded
 from rigctl.testing import RunLog, ScriptedClock, ScriptedControl, VirtualBench
 
 RIG = """\
@@ -42,8 +43,8 @@ limits:
 class Lossy(InVirtualTime):
     """A device that is silent is out of reach; when it is back, its outputs are off."""
 
-    def __init__(self) -> None:
-        super().__init__(parse_rig(RIG), ScriptedClock())
+    def __init__(self, rig: str = RIG) -> None:
+        super().__init__(parse_rig(rig), ScriptedClock())
         self.lost: set[str] = set()
 
     def dies(self, device: str, begin: float, end: float = math.inf) -> None:
@@ -305,3 +306,161 @@ def test_a_person_ends_a_run_that_waits_for_a_device(bench: Lossy, tmp_path: Pat
     assert done.result.status == "aborted"
     assert done.result.duration < 10.5
     assert done.result.unconfirmed == "b: y on"
+
+
+def on_after(bench: Lossy, time: float) -> list[float]:
+    """When any output was on after a time."""
+    return [sampled for sampled, *on in bench.outputs_at or () if sampled > time and any(on)]
+
+
+CLEANED = """\
+  - record: {name: r, rate: 10 Hz, retries: 1}
+    do: [wait: 5 s]
+    finally: [wait: 3 s]
+"""
+
+
+@pytest.mark.parametrize("device", ["a", "b"])
+@pytest.mark.parametrize("status", ["failed", "aborted"])
+def test_what_ends_the_run_in_the_cleanup_before_a_record_is_repeated_ends_it(
+    bench: Lossy, tmp_path: Path, device: str, status: str
+) -> None:
+    """It was passed over as a failure of cleanup: the record was set up again, with outputs on."""
+    bench.outputs_at = []
+    bench.dies(device, 4.0, 9.0)
+    orders = [(10.0, Request.ABORT)] if status == "aborted" else []
+    if not orders:
+        bench.parts["a"].value = lambda time: 9.0 if 10.0 < time < 10.5 else 1.0
+    done = run(bench, tmp_path, ON + CLEANED, *orders)
+    assert done.result.status == status, done.result.reason
+    assert on_after(bench, 10.2) == []
+    assert [outcome for _, outcome in done.records] == ["interrupted"]
+
+
+class Person(ScriptedControl):
+    """Pauses, and goes on once paused; what had been commanded until then is kept."""
+
+    def __init__(self, bench: Lossy, *orders: tuple[float, Request]) -> None:
+        super().__init__(list(orders))
+        self.bench, self.until_paused = bench, list[tuple[float, float]]()
+
+    def acknowledge(self, order: Order, message: str) -> None:
+        super().acknowledge(order, message)
+        if message.startswith("paused,"):
+            self.until_paused = list(self.bench.given)
+            self.orders.append((0.0, Request.CONTINUE))
+
+
+@pytest.mark.parametrize("steps", ["  - wait: 5 s\n", CLEANED, CLEANED.partition("    finally")[0]])
+def test_a_pause_asked_for_during_a_loss_begins_before_outputs_are_on_again(
+    bench: Lossy, tmp_path: Path, steps: str
+) -> None:
+    bench.outputs_at = []
+    bench.dies("b", 2.0, 9.0)
+    person = Person(bench, (6.0, Request.CONTINUE), (6.0, Request.PAUSE))
+    done = VirtualBench(tmp_path).run(ON + steps, rig=bench.rig, backend=bench, control=person)
+    assert done.result.status == "finished", done.result.reason
+    waits = "the run waits until a lost device is back"
+    assert person.answers == [
+        waits, f"{waits}, and stays paused then", "paused, outputs are safe", "the run goes on",
+    ]  # fmt: skip
+    assert [time for time, _ in person.until_paused if time > 2.0] == []
+    assert on_after(bench, 9.0)
+
+
+def test_a_decision_is_taken_with_outputs_as_they_were_before_the_loss(bench: Lossy, tmp_path: Path) -> None:
+    """They were restored as before the step before it, which had switched one on."""
+    bench.outputs_at = []
+    bench.dies("b", 1.3, 9.0)
+    decision = "  - if: vb > 0 V\n    do: [wait: 2 s]\n"
+    done = run(bench, tmp_path, "steps:\n  - wait: 1 s\n  - set: {x: on}\n" + decision)
+    assert done.result.status == "finished", done.result.reason
+    assert len(on_after(bench, 9.3)) > 10
+
+
+SLOW = RIG.replace(
+    "x: {device: a, kind: switch}", "x: {device: a, kind: level, unit: V, max_rate: 5 V/s, to}"
+)
+SLOW = SLOW.replace("to}", "low: 0 V, high: 9 V}").replace("x: off", "x: 0 V")
+
+
+@pytest.mark.parametrize(("begin", "steps"), [
+    (4.0, "  - record: {name: r, rate: 10 Hz}\n    do: [wait: 5 s]\n"),
+    (1.45, "  - if: vb > 2 V\n    do: [wait: 1 s]\n  - wait: 1 s\n"),
+])  # fmt: skip
+def test_a_loss_while_outputs_are_being_restored_is_waited_for_too(
+    tmp_path: Path, begin: float, steps: str
+) -> None:
+    """It ended the run with an error in rigctl."""
+    bench = Lossy(SLOW)
+    bench.dies("b", begin, 9.0)
+    bench.dies("b", 9.3, 9.5)
+    bench.parts["b"].silent = lambda time: begin < time < 9.0 or 9.3 < time < 9.5
+    done = run(bench, tmp_path, "steps:\n  - set: {y: on}\n  - set: {x: 5 V}\n" + steps)
+    assert done.result.status == "finished", done.result.reason
+    assert done.states.count("paused") == 2
+
+
+def test_an_output_that_could_not_be_restored_at_once_is_commanded_again(
+    bench: Lossy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The step was repeated with it off."""
+    bench.outputs_at = []
+    bench.dies("b", 2.0, 9.0)
+    command, missed = bench.command, list[float]()
+
+    def unanswered(actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
+        if actuator != "y" or bench.clock.now() < 9.0 or missed:
+            return command(actuator, value, duration=duration)
+        missed.append(bench.clock.now())
+        pending = PendingCommand(actuator, value)
+        pending.trouble = OutOfReach("no answer")
+        return pending
+
+    monkeypatch.setattr(bench, "command", unanswered)
+    done = run(bench, tmp_path, ON + "  - wait: 5 s\n")
+    assert done.result.status == "finished", done.result.reason
+    assert len(missed) == 1
+    assert all(on == [True, True] for time, *on in bench.outputs_at if 10.0 < time < 13.0)
+
+
+def test_a_step_that_is_begun_again_and_again_ends_the_run(bench: Lossy, tmp_path: Path) -> None:
+    bench.parts["b"].silent = lambda time: time > 4.0 and time % 6.0 < 3.0
+    done = run(bench, tmp_path, ON + "  - wait: 30 s\n")
+    assert done.result.status == "failed"
+    assert "wait 30 s: a device was lost again and again" in str(done.result.reason)
+
+
+def test_a_device_that_answers_but_cannot_be_made_safe_is_not_waited_for_longer(
+    bench: Lossy, tmp_path: Path
+) -> None:
+    """Each of its silences began the time anew: the run waited for ever."""
+    bench.dies("b", 2.0)
+    bench.parts["b"].silent = lambda time: time > 2.0 and time % 3.0 < 2.0
+    done = run(bench, tmp_path, ON + "  - wait: 5 s\n")
+    assert done.result.status == "failed"
+    assert 22.0 < done.result.duration < 30.0
+
+
+@pytest.mark.parametrize("lasts", [0.6, 3.0])
+def test_neither_a_gap_nor_the_return_of_a_device_that_nothing_needs_interrupts_a_record(
+    bench: Lossy, tmp_path: Path, lasts: float
+) -> None:
+    """A record with retries was interrupted when it came back."""
+    bench.dies("c", 2.0, 2.0 + lasts)
+    steps = "  - record: {name: r, rate: 10 Hz, retries: 1}\n    do: [wait: 4 s]\n"
+    done = run(bench, tmp_path, ON + steps)
+    assert [outcome for _, outcome in done.records] == ["complete"]
+
+
+def test_outputs_that_are_moved_by_hand_are_not_switched_on_again_by_the_return_of_a_device(
+    bench: Lossy, tmp_path: Path
+) -> None:
+    bench.outputs_at = []
+    bench.dies("b", 2.0, 9.0)
+    log = VirtualBench(tmp_path)
+    done = log.run(
+        ON + "  - wait: 20 s\n", rig=bench.rig, backend=bench, writer=Unrecorded(lambda *_, **__: None)
+    )
+    assert done.result.status == "failed"
+    assert on_after(bench, 9.0) == []

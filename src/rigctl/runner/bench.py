@@ -44,7 +44,6 @@ class Bench:
         self.newest: Row | None = None
         self.read_at: dict[str, float] = {}  #: s, time of each device's newest reading
         self.absent: dict[str, float] = {}  #: lost devices that the run goes on without, and since when, s
-        self.lacking: set[str] = set()  #: those that were absent during the newest record
         self.rate = rig.monitor_rate
         self.needed_rate = 0.0  #: lowest sampling rate that the step in progress needs, Hz
         self.record_began = -math.inf  #: s, when the newest record was opened
@@ -525,29 +524,28 @@ class Bench:
         return f"{device}: {name}" if device else name
 
     def restorable_at(self, commands: Mapping[str, float]) -> float:
-        """When every actuator has rested long enough for `restore`, s."""
+        """When every actuator has rested long enough for `restored`, s."""
         return max(
             (self.rested_at(actuator, value) for actuator, value in commands.items()), default=-math.inf
         )
-
-    def restore(self, commands: Mapping[str, float]) -> None:
-        """Give driven actuators the values they had before a pause."""
-        for actuator, value in commands.items():
-            driven = self.rig.actuators[actuator].by == "driven"
-            if driven and not self.is_at(actuator, value):
-                self.send(actuator, value)
 
     def restored(self, commands: Mapping[str, float]) -> Waiting:
         """Give driven actuators these values once they have rested, and wait until they have them."""
         while self.now < (ready := self.restorable_at(commands)):
             yield Until(ready)
-        gradual = {
-            name: value
-            for name, value in commands.items()
-            if self.rig.actuators[name].max_rate is not None and self.rig.actuators[name].by == "driven"
-        }
-        self.restore({name: value for name, value in commands.items() if name not in gradual})
+        actuators = self.rig.actuators
+        driven = {name: value for name, value in commands.items() if actuators[name].by == "driven"}
+        gradual = {name: value for name, value in driven.items() if actuators[name].max_rate is not None}
+        at_once = {name: value for name, value in driven.items() if name not in gradual}
+        with suppress(OutOfReach):
+            for name, value in at_once.items():
+                if not self.is_at(name, value):
+                    self.send(name, value)
         yield from self.settled()
+        # one that could not be reached for the moment is commanded until it has answered
+        for name, value in at_once.items():
+            if not self.is_at(name, value):
+                yield from self.command(name, value)
         yield from approach(self, gradual)
 
     @property

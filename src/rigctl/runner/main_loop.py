@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
 from time import perf_counter, sleep
 
 from rigctl.plan.behaviour import OnPause, Row, Until
@@ -23,6 +24,7 @@ _SIGNAL = 0.02  # longest wait of a signal without a sample, s of wall time
 _SUSPENDED = 0.5
 #: s above which two times on a sampling grid are different
 _SLACK = 1e-9
+_UNTIL_BACK = "the run waits until a lost device is back"
 
 
 class Quit(Exception):
@@ -112,7 +114,7 @@ class Driver:
                 self._stand_by(until)
                 continue
             row = sampling.next_row(min(max(deadline - time, 0.0), self._slice, patience))
-            if done is not None and done():
+            if done is not None and done() and not sampling.awaiting:  # a loss drops what was sent
                 return None
             if row is not None:
                 if when is not None and when(row):
@@ -141,8 +143,10 @@ class Driver:
             sampling.stop_waiting()
             if paused and lifecycle.state is RunState.PAUSED:
                 lifecycle.send("go_on")
-        if paused:
-            self._take_up(until)
+        if paused and self._pause is not None:  # asked for meanwhile: nothing is switched on before its end
+            self._stand_still(self._pause, until)
+        elif paused:
+            self._take_up(until, lost=True)
 
     def watch(self, duration: float) -> list[Row]:
         """Take samples as usual for `duration` s while no step is in progress."""
@@ -165,7 +169,10 @@ class Driver:
                 for order in control.poll():
                     self._obey(control, order)
             self._tick()
-        if self._pause is not None and self._lifecycle.state is RunState.RUNNING:
+        if self._pause is None or self._lifecycle.state is not RunState.RUNNING:
+            return
+        # a record or a timed move is completed first: half of one is worthless
+        if not self._bench.recording and until.on_pause is not OnPause.DEFER:
             self._stand_still(self._pause, until)
 
     def _woken(self, suspended: float) -> None:
@@ -207,28 +214,26 @@ class Driver:
         elif order.request is Request.PAUSE:
             self._ask_for_pause(control, order)
         elif self._pause is None:
-            control.acknowledge(order, "the run is not paused")
+            text = "the run is not paused"
+            control.acknowledge(order, _UNTIL_BACK if self._sampling.pausing else text)
         else:
             self._pause = None
-            control.acknowledge(order, "the run goes on")
+            control.acknowledge(order, _UNTIL_BACK if self._sampling.pausing else "the run goes on")
 
     def _ask_for_pause(self, control: Control, order: Order) -> None:
         if self._pause is not None:
             control.acknowledge(order, "the run is paused already")
             return
         self._pause = (control, order)
-        if self._bench.recording:
+        if self._sampling.pausing:
+            control.acknowledge(order, f"{_UNTIL_BACK}, and stays paused then")
+        elif self._bench.recording:
             text = "pausing at the end of the record"
             control.acknowledge(order, text)
             self._sampling.note(self._clock.now(), "note", text)  # for observers
 
     def _stand_still(self, pause: tuple[Control, Order], until: Until) -> None:
-        """Make outputs safe and wait until the run is resumed; sampling and interlocks continue.
-
-        A record or a timed move is completed first: half of one is worthless.
-        """
-        if self._bench.recording or until.on_pause is OnPause.DEFER:
-            return
+        """Make outputs safe and wait until the run is resumed; sampling and interlocks continue."""
         self._lifecycle.send("pause")
         self._bench.make_safe("paused")
         control, order = pause
@@ -251,13 +256,14 @@ class Driver:
         self._lifecycle.send("go_on")
         self._take_up(until)
 
-    def _take_up(self, until: Until) -> None:
-        """Go on with the step in progress after a pause, with the commands that it began with."""
+    def _take_up(self, until: Until, *, lost: bool = False) -> None:
+        """Go on with the step in progress after a pause, or a loss, with the commands that it began with."""
         baseline = self._walker.baseline if self._walker is not None else {}
-        for waiting in self._bench.restored(baseline):
-            self.wait(waiting)
+        with suppress(Restart):  # after another pause meanwhile, which has restored the same
+            for waiting in self._bench.restored(baseline):
+                self.wait(waiting)
         if until.on_pause is not OnPause.KEEP:
-            raise Restart
+            raise Restart(lost=lost)
 
     def _end_unattended(self, attendance: Attendance) -> None:
         """End a pause that nobody attends to, if the outputs could not be made safe at its start."""

@@ -188,7 +188,11 @@ class Sampling:
     def _policy(self, device: str) -> str:
         """What the loss of a device does now."""
         known = self._bench.rig.devices.get(device)
-        return known.lost if known is not None and self.running else "stop"
+        if known is None or not self.running:
+            return "stop"
+        if known.lost == "pause" and self._bench.writer.folder is None:
+            return "stop"  # outputs are commanded by hand: none may be switched on again by itself
+        return known.lost
 
     def _go_without(self, device: str, reason: str) -> None:
         """Note that the run goes on without a device, on which nothing depends."""
@@ -199,7 +203,6 @@ class Sampling:
         self.note(bench.now, "gap", message)
         self.warnings.append(RunWarning(bench.now, bench.record_of(bench.now), message))
         bench.absent[device] = bench.now
-        bench.lacking.add(device)
 
     def _pause_for(self, device: str, reason: str) -> None:
         """Make outputs safe at once, and wait for a device."""
@@ -209,12 +212,16 @@ class Sampling:
             "gap", f"{reason}; the run waits for it, {within:g} s at most", device=device, lost="pause"
         )
         self.note(bench.now, "gap", reason)
-        cut, devices = bench.timing, [device]
-        if self._awaited is not None:  # for another one
-            cut, devices = cut or self._awaited.cut, [*self._awaited.devices, device]
+        cut, before = bench.timing, self._awaited
         bench.make_safe(reason)
         give_up = bench.now + within
-        self._awaited = _Awaited(reason, give_up, within, paused=True, cut=cut, devices=tuple(devices))
+        devices: tuple[str, ...] = (device,)
+        if before is not None:  # of this one if it is lost again before it could be made safe
+            cut = cut or before.cut
+            again = device in before.devices
+            devices = before.devices if again else (*before.devices, device)
+            give_up = before.give_up if again else max(before.give_up, give_up)
+        self._awaited = _Awaited(reason, give_up, within, paused=True, cut=cut, devices=devices)
 
     def keep(self, sample: Sample) -> None:
         """Journal a sample of a run that has ended: it is kept, but has no consequences."""
@@ -337,10 +344,12 @@ class Sampling:
         """
         if self._awaited is not None and (self._awaited.paused or self._interlocks.silent_devices):
             return  # the record is measured again once those are back, too
+        device = str(notice.fields.get("device", ""))
+        if self._policy(device) == "continue":
+            return  # nothing depends on it, also while it comes back
         names = notice.fields.get("switched_off")
         cut_off = set(names) if isinstance(names, list) else set()
         lasting = cut_off if self._bench.recording else cut_off - self._bench.regulated
-        device = str(notice.fields.get("device", ""))
         if lasting and self._policy(device) == "pause":  # it is back already, with its outputs off
             self._pause_for(device, notice.message)
         elif self.repeatable:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from itertools import count
 
 from rigctl.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, Visitor, iteration_path
@@ -18,12 +19,16 @@ from rigctl.runner.step_errors import ending_for
 
 #: longest time of one step of a cleanup block after a failure, s of bench time
 CLEANUP_STEP_LIMIT = 60.0
-#: how often one record is measured again because a device was lost and is back
+#: how often one record is measured, or one step begun, again because a device was lost and is back
 _MOST_RETURNS = 5
 
 
 class Restart(Exception):
-    """Restart the step in progress after a pause."""
+    """Restart the step in progress after a pause; `lost`: which a lost device was the reason for."""
+
+    def __init__(self, *, lost: bool = False) -> None:
+        super().__init__()
+        self.lost = lost
 
 
 class Walker(Visitor[Waiting]):
@@ -56,6 +61,7 @@ class Walker(Visitor[Waiting]):
         self._again = False  # the record in progress will be repeated if samples are lost
         self._repeating = False  # inside `_repeated`
         self._waits = any(device.lost == "pause" for device in bench.rig.devices.values())
+        self._spare = {name for name, one in bench.rig.devices.items() if one.lost == "continue"}
         self._hopeless = False  # no further cleanup block can be carried out
         self.limit = math.inf  #: deadline of the step in progress, s
         self.baseline: dict[str, float] = {}  #: commands at the start of the step in progress
@@ -106,14 +112,12 @@ class Walker(Visitor[Waiting]):
         self, on_failure: Group | None, on_abort: Group | None, last: Group | None, ending: Ending | None
     ) -> Waiting:
         """The cleanup blocks that apply to an ending, or to success."""
-        if ending is None:
+        repeated = isinstance(ending, DeviceBack) or (isinstance(ending, SamplesLost) and self._again)
+        if ending is None or repeated:  # the run goes on: what ends it in here must not be passed over
             if last is not None:
                 yield from self.group(last)
             return
-        first = on_abort if ending.aborted else on_failure
-        if isinstance(ending, DeviceBack) or (isinstance(ending, SamplesLost) and self._again):
-            first = None  # nothing has failed yet
-        for block in (first, last):
+        for block in (on_abort if ending.aborted else on_failure, last):
             if block is not None:
                 yield from self._cleanup(block)
 
@@ -139,8 +143,7 @@ class Walker(Visitor[Waiting]):
             if loop.count is not None and number > loop.count:
                 return
             if loop.condition is not None:
-                bench.path = self._path(loop.path)
-                yield CHECKPOINT
+                yield from self._checkpoint(loop)
                 row = yield from bench.fresh(loop.condition.names)
                 if not bench.condition(loop.condition)(row):
                     return
@@ -157,14 +160,19 @@ class Walker(Visitor[Waiting]):
     def branch(self, branch: Branch) -> Waiting:
         """Carry out one of its branches, according to the newest sample."""
         bench = self._bench
-        bench.path = self._path(branch.path)
-        yield CHECKPOINT
+        yield from self._checkpoint(branch)
         row = yield from bench.fresh(branch.condition.names)
         holds = bool(bench.condition(branch.condition)(row))
         bench.event("step", branch.label, state="decided", outcome=str(holds).lower())
         chosen = branch.then if holds else branch.otherwise
         if chosen is not None:
             yield from self.group(chosen)
+
+    def _checkpoint(self, node: Node) -> Waiting:
+        """Let a pause begin before a decision; after it outputs are as they were left by the steps before."""
+        self._bench.path = self._path(node.path)
+        self.baseline = dict(self._bench.commanded)
+        yield CHECKPOINT
 
     # --- steps -------------------------------------------------------------------------------------------
 
@@ -174,7 +182,7 @@ class Walker(Visitor[Waiting]):
         bench.path = path = self._path(leaf.path)
         self._progress.begin(leaf.path, leaf.label, bench.now)
         bench.log(bench.now, "step", path=path, message=leaf.label, state="begin")
-        self.baseline = dict(bench.commanded)
+        self.baseline, returns = dict(bench.commanded), 0
         try:
             yield CHECKPOINT
             while True:
@@ -182,7 +190,10 @@ class Walker(Visitor[Waiting]):
                     outcome = yield from leaf.action.carry_out(bench)
                     yield from bench.settled()
                     break
-                except Restart:
+                except Restart as restart:
+                    returns += restart.lost
+                    if returns > _MOST_RETURNS:
+                        raise _lost_too_often(leaf) from None
                     bench.event("note", "the step begins again after a pause")
         except Exception as error:  # noqa: BLE001 - whatever it is, outputs become safe and cleanup runs
             ending = ending_for(error, bench)
@@ -237,11 +248,14 @@ class Walker(Visitor[Waiting]):
                 self._again = self._repeating = False
             returns, retries = returns + back, retries - (not back)
             if returns > _MOST_RETURNS:
-                ending = Lost(f"{node.label}: a device was lost again and again", where=node.where)
+                ending = _lost_too_often(node)
                 self._secure(ending)
                 raise ending
             if back:  # also what was set before the group; without a wait the set-up is thought to do
-                yield from self._bench.restored(before)
+                self.baseline = before
+                with suppress(Restart):  # after another pause, which has restored the same
+                    yield CHECKPOINT  # of a person who has asked for a pause meanwhile
+                    yield from self._bench.restored(before)
             for step in setup_before(nodes, index):
                 yield from self.visit(step)
 
@@ -249,7 +263,6 @@ class Walker(Visitor[Waiting]):
         bench = self._bench
         try:
             began = bench.record_began = bench.now
-            bench.lacking = set(bench.absent)
             bench.writer.open_record(began, node.name, node.sweep, path, node.rate)
             bench.history.begin_record(began)
             self._sampling.completeness = Completeness(bench.rig, node.channels, node.rate, began)
@@ -262,7 +275,7 @@ class Walker(Visitor[Waiting]):
     def _require_complete(self, node: RecordNode) -> None:
         """Refuse a record that lacks too much to be what the procedure asked for."""
         counted = self._sampling.completeness
-        lacks = counted.lacks(self._bench.now, self._bench.lacking) if counted is not None else []
+        lacks = counted.lacks(self._bench.now, self._spare) if counted is not None else []
         too_much = [lack for lack in lacks if lack.exceeds(node.most_missing)]
         if not too_much:
             return
@@ -308,6 +321,10 @@ class Walker(Visitor[Waiting]):
         ending = StepFailed(reason, where=node.where)
         self._secure(ending)
         return ending
+
+
+def _lost_too_often(node: Node) -> Lost:
+    return Lost(f"{node.label}: a device was lost again and again", where=node.where)
 
 
 def _record_in(node: Node) -> RecordNode | None:
