@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from contextlib import chdir
 from pathlib import Path
 
@@ -87,6 +88,18 @@ def test_a_run_on_a_foreign_backend_is_exported_by_a_foreign_writer(project: Pat
         assert call("export", "latest", "-o", "run.lines").exit_code == 0
         columns = [json.loads(line) for line in (project / "run.lines").read_text("utf-8").splitlines()]
         assert any(name.startswith("oil_temperature") for name in columns)
+
+
+def test_doctor_does_not_say_that_a_backend_with_a_protocol_of_its_own_is_in_order(project: Path) -> None:
+    """It has no address either; a class of its own that is named Options is nothing that rigctl reads."""
+    package = project / "site" / "tally_plugin.py"
+    text = PACKAGE.replace("class backend:\n", "class backend:\n    class Options:\n        speed = 3\n\n")
+    package.write_text(text, encoding="utf-8")
+    sys.modules.pop("tally_plugin", None)
+    with chdir(project):
+        said = call("doctor", "--rig", "rig.yaml").output
+    (line,) = [line for line in said.splitlines() if "a bench of the plug-in 'tally'" in line]
+    assert "✓" not in line
 
 
 def test_a_file_is_imported_by_a_foreign_reader(project: Path) -> None:

@@ -129,11 +129,11 @@ def _ask_device(name: str, rig: Rig, url: str | None) -> tuple[list[Finding], di
     try:
         if rig.kind in ("simulated", "emulated"):
             return [Finding(name, "ok", f"{rig.kind}: it exists only while it is used")], {"kind": rig.kind}
+        if rig.lines is None and rig.kind != "serial":  # a plug-in whose protocol is its own
+            known = f"{rig.name}: a bench of the plug-in '{rig.kind}', which is not asked anything here"
+            return [Finding(name, "optional", known, "read it with 'rigctl monitor'")], {"kind": rig.kind}
         address = address_of(rig, url)
         document |= {"port": address.url}
-        if rig.lines is None and "baud" not in address.settings:  # a plug-in that says not what it is asked
-            known = f"{rig.name}: reached by the plug-in '{rig.kind}', which 'rigctl monitor' reads"
-            return [Finding(address.url, "ok", known)], document
         if rig.lines is None:
             finding, answer = ask_port(address.url, address.settings["baud"])
             return [finding], {**document, **answer}

@@ -73,12 +73,13 @@ class PluginOptions(RigFilePart):
 
 
 def options_class(kind: str) -> type[PluginOptions] | None:
-    """Return the class that reads the options of an installed backend; None if it has none.
+    """Return the class that reads the options of an installed backend; None if it has none, or another
+    class of that name.
 
     Raises
     ------
     RigctlError
         the package cannot be loaded.
     """
-    found: type[PluginOptions] | None = getattr(load_plugin(BACKENDS, kind), "Options", None)
-    return found
+    found = getattr(load_plugin(BACKENDS, kind), "Options", None)
+    return found if isinstance(found, type) and issubclass(found, PluginOptions) else None
