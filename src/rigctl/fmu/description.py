@@ -16,6 +16,8 @@ from rigctl.units import Unit, parse_unit
 Kind = Literal["CoSimulation", "ModelExchange"]
 
 _REAL = ("Real", "Float64")
+#: the base units in which an FMU defines others
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 #: possible names of the variable that sets an output's value at the start
 _STARTS = ("state.{}", "{}_start", "{}_0", "{}")
 #: an exponent as Modelica writes it, ``kg.m2``
@@ -31,7 +33,8 @@ class Variable:
     reference: its value reference.
     unit: as the FMU writes it; None if it gives none, and the variable is in SI.
     settable: whether its value can be set before a simulation, and is then kept.
-    start, low, high: its value by default and its bounds, in the FMU's unit; None if it gives none.
+    start, low, high, nominal: its value by default, its bounds and its usual size, in the FMU's unit; None
+        if it gives none.
     meaning: its description.
     """
 
@@ -43,6 +46,7 @@ class Variable:
     start: float | None = None
     low: float | None = None
     high: float | None = None
+    nominal: float | None = None
     meaning: str = ""
 
 
@@ -63,7 +67,7 @@ class Description:
     Attributes
     ----------
     version: of FMI, "2.0" or "3.0".
-    defined: by unit that the FMU defines, its factor and offset to SI.
+    defined, bases: by unit that the FMU defines, its factor and offset to SI, and the unit in SI.
     """
 
     path: Path
@@ -71,6 +75,7 @@ class Description:
     kind: Kind
     variables: Mapping[str, Variable]
     defined: Mapping[str, tuple[float, float]]
+    bases: Mapping[str, str]
 
     def named(self, causality: str) -> list[str]:
         """The names of its inputs or outputs."""
@@ -167,6 +172,15 @@ def read_description(path: Path) -> Description:
             for name, base in bases.items()
             if base is not None
         },
+        bases={name: _in_base_units(base) for name, base in bases.items() if base is not None},
+    )
+
+
+def _in_base_units(base: Any) -> str:
+    """A unit that an FMU defines, in SI: ``kg*m^2*s^-3``."""
+    powers = {name: int(getattr(base, name, None) or 0) for name in _BASE}
+    return (
+        "*".join(name if power == 1 else f"{name}^{power}" for name, power in powers.items() if power) or "1"
     )
 
 
@@ -201,6 +215,7 @@ def _variable(one: Any) -> Variable:
         start=_number(one.start),
         low=_number(own("min")),
         high=_number(own("max")),
+        nominal=_number(own("nominal")),
         meaning=str(one.description or ""),
     )
 

@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rigctl.argument_types import checks_argument_types
+from rigctl.command_line import shell_word
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
@@ -107,6 +108,13 @@ def find_family(written: str | Path, beside: str | Path | None = None) -> ModelF
         Python file that was not given explicitly.
     """
     written = str(written)
+    if written.casefold().endswith(".fmu"):
+        raise RigctlError(
+            "an FMU is no family by itself: a family file says which of its variables are commanded and read",
+            value=written,
+            expected="a family file that names it",
+            hint=f"'rigctl family new NAME --fmu {shell_word(written)}' drafts one",
+        )
     if is_family_file(written):
         return _of_file(written, Path(beside) if beside is not None else None)
     known = {**FAMILIES, **{given.family.name: given.family for given in _given.get()}}

@@ -34,7 +34,8 @@ class Input:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of the draft, its numbers in `unit`; `fit` says whether a fit may change it."""
+    """A parameter of the draft, its numbers in `unit`; `fit` says whether a fit may change it, `digits` how
+    many of its value are written."""
 
     value: float
     unit: str
@@ -42,6 +43,7 @@ class Parameter:
     high: float
     meaning: str = ""
     fit: bool = True
+    digits: int = 4
 
 
 @dataclass(frozen=True)

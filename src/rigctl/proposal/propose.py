@@ -23,20 +23,25 @@ class Proposal:
 
     Attributes
     ----------
-    suggestion: what simple linear systems explain of the log.
+    template: None if an FMU is the model.
+    suggestion: what simple linear systems explain of the log; None if that is not asked.
     files: text by path, relative to the project.
+    fmu: its path, as the family file names it.
+    notes: what the user has to know or to fill in, a sentence each.
     """
 
     name: str
-    template: str
+    template: str | None
     table: Table
     draft: Draft
     family: str
     rig: str
     model: str
     procedure: str
-    suggestion: Suggestion
+    suggestion: Suggestion | None
     files: Mapping[str, str]
+    fmu: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 def find_template(name: str) -> str:
@@ -72,19 +77,8 @@ def propose(name: str, table: Table, template: str | None) -> Proposal:
     suggestion = suggest(table)
     chosen = template or suggestion.template
     draft = _with_every_input(TEMPLATES[chosen].make(table), table)
-    paths = {kind: f"{folder}/{name}.yaml" for kind, folder in _FOLDERS.items()}
-    log_format = log_format_text(paths["log format"], table)
     source = f"the template {chosen}" + (f", first values from {table.path.name}" if table.path else "")
-    files = {
-        paths["family"]: family_text(name, draft, source, table),
-        paths["rig"]: rig_text(
-            name, table, draft, paths["family"], paths["log format"] if log_format else None
-        ),
-        paths["model"]: model_text(draft, paths["family"], paths["rig"]),
-        paths["procedure"]: procedure_text(name, table, paths["rig"], duration(table)),
-    }
-    if log_format is not None:
-        files[paths["log format"]] = log_format
+    paths, files = file_texts(name, table, draft, family_text(name, draft, source, table))
     return Proposal(
         name,
         chosen,
@@ -99,6 +93,23 @@ def propose(name: str, table: Table, template: str | None) -> Proposal:
     )
 
 
+def file_texts(name: str, table: Table, draft: Draft, family: str) -> tuple[dict[str, str], dict[str, str]]:
+    """The path of each file by its kind, and the texts by path; `family` is the text of the family file."""
+    paths = {kind: f"{folder}/{name}.yaml" for kind, folder in FOLDERS.items()}
+    log_format = log_format_text(paths["log format"], table)
+    files = {
+        paths["family"]: family,
+        paths["rig"]: rig_text(
+            name, table, draft, paths["family"], paths["log format"] if log_format else None
+        ),
+        paths["model"]: model_text(draft, paths["family"], paths["rig"]),
+        paths["procedure"]: procedure_text(name, table, paths["rig"], duration(table)),
+    }
+    if log_format is not None:
+        files[paths["log format"]] = log_format
+    return paths, files
+
+
 def _with_every_input(draft: Draft, table: Table) -> Draft:
     """The draft with those inputs that its equations do not contain: an effect may depend on them."""
     other = [one for one in table.columns if one.role == "input" and one.name not in draft.inputs]
@@ -109,7 +120,7 @@ def _with_every_input(draft: Draft, table: Table) -> Draft:
     return replace(draft, inputs={**draft.inputs, **unused}) if unused else draft
 
 
-_FOLDERS = {
+FOLDERS = {
     "family": "families",
     "rig": "rigs",
     "model": "models",

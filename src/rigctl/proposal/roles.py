@@ -6,7 +6,7 @@ The user's options come first; then steps, names, a broad spectrum, and which co
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Final
 
@@ -48,13 +48,17 @@ _MOVED: Final = 0.1
 
 @dataclass(frozen=True)
 class StatedRoles:
-    """What the user says of columns; an input in neither of the last two may be either."""
+    """What the user says of columns, or an FMU; an input neither commanded nor measured may be either.
+
+    `reasons`, by the bench's names, say why; by default the user does.
+    """
 
     inputs: Collection[str] = ()
     outputs: Collection[str] = ()
     omitted: Collection[str] = ()
     commanded: Collection[str] = ()
     measured: Collection[str] = ()
+    reasons: Mapping[str, str] = field(default_factory=dict)
 
     def by_column(self, table: Table) -> tuple[dict[str, Role], dict[str, Origin]]:
         """The roles and origins by the bench's names.
@@ -101,7 +105,7 @@ def with_roles(table: Table, stated: StatedRoles) -> Table:
     roles, origins = stated.by_column(table)
     if table.times is None:
         _refuse_unstated_times(table, roles)
-    columns = [_judged(column, table, roles.get(column.name)) for column in table.columns]
+    columns = [_judged(column, table, roles.get(column.name), stated.reasons) for column in table.columns]
     if table.times is not None and not any(column.role == "input" for column in columns):
         columns = _by_spectrum(columns, table, roles) or _by_lead(columns, table, roles)
     if not any(column.role == "output" for column in columns) and len(columns) > 1 and not stated.outputs:
@@ -140,10 +144,11 @@ def _refuse_unstated_times(table: Table, roles: Mapping[str, Role]) -> None:
         )
 
 
-def _judged(column: Column, table: Table, stated: Role | None) -> Column:
+def _judged(column: Column, table: Table, stated: Role | None, reasons: Mapping[str, str]) -> Column:
     stepped = table.times is not None and _is_stepped(column.values, table)
     if stated is not None:
-        return replace(column, role=stated, reason="as you say", stepped=stepped)
+        reason = reasons.get(column.name, "as you say")
+        return replace(column, role=stated, reason=reason, stepped=stepped)
     if column.role == "left out":
         return column
     role, reason = _role_of(column, table, stepped=stepped)

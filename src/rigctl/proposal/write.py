@@ -19,7 +19,8 @@ from rigctl.units import parse_unit
 _PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789 _-+*/^().=|")
 
 
-def _quoted(text: str) -> str:
+def plain_or_quoted(text: str) -> str:
+    """A text as YAML, in quotes where it needs them."""
     return text if text and set(text) <= _PLAIN and text[0].isalpha() else quoted(text)
 
 
@@ -66,25 +67,35 @@ def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
     yield from (f"#   {equation}" for equation in draft.equations)
     yield ""
     yield f"family: {name}"
-    yield f"title: {_quoted(draft.title)}"
-    yield f"source: {_quoted(source)}"
-    yield from _part(
+    yield f"title: {plain_or_quoted(draft.title)}"
+    yield f"source: {plain_or_quoted(source)}"
+    yield from part(
         "states",
         "What changes with time. `rate` has the state's unit per second.",
         {
-            key: {"start": s.start, "scale": s.scale, "rate": _quoted(s.rate), "meaning": _quoted(s.meaning)}
+            key: {
+                "start": s.start,
+                "scale": s.scale,
+                "rate": plain_or_quoted(s.rate),
+                "meaning": plain_or_quoted(s.meaning),
+            }
             for key, s in draft.states.items()
         },
     )
-    yield from _part(
+    yield from part(
         "inputs",
         "What is commanded, or measured and given from outside: a channel or an actuator of the same name.",
         {
-            key: {"value": one.value, "hold": one.hold, "delay": one.delay, "meaning": _quoted(one.meaning)}
+            key: {
+                "value": one.value,
+                "hold": one.hold,
+                "delay": one.delay,
+                "meaning": plain_or_quoted(one.meaning),
+            }
             for key, one in draft.inputs.items()
         },
     )
-    yield from _part(
+    yield from part(
         "parameters",
         "What a fit may change, and within which bounds. An assumed number is a guess: measure it.",
         {
@@ -92,40 +103,48 @@ def _family(name: str, draft: Draft, source: str) -> Iterator[str]:
                 "value": amount_of(p.value, p.unit),
                 "bounds": f"[{amount_of(p.low, p.unit)}, {amount_of(p.high, p.unit)}]",
                 "standing": "" if p.fit else "assumed",
-                "meaning": _quoted(p.meaning),
+                "meaning": plain_or_quoted(p.meaning),
             }
             for key, p in draft.parameters.items()
         },
     )
-    yield from _part(
+    yield from part(
         "constants",
         "Numbers that no fit changes.",
         {
-            key: {"value": value, "standing": _guessed(meaning), "meaning": _quoted(meaning)}
+            key: {"value": value, "standing": _guessed(meaning), "meaning": plain_or_quoted(meaning)}
             for key, (value, meaning) in draft.constants.items()
         },
     )
-    yield from _part(
+    yield from part(
         "definitions",
         "What several formulas use.",
         {
-            key: {"unit": _quoted(f.unit), "formula": _quoted(f.formula), "meaning": _quoted(f.meaning)}
+            key: {
+                "unit": plain_or_quoted(f.unit),
+                "formula": plain_or_quoted(f.formula),
+                "meaning": plain_or_quoted(f.meaning),
+            }
             for key, f in draft.definitions.items()
         },
     )
-    yield from _part(
+    yield from part(
         "slots",
         "Where effects may act: 0 without any.",
         {
-            key: {"unit": _quoted(unit), "kind": kind, "meaning": _quoted(meaning)}
+            key: {"unit": plain_or_quoted(unit), "kind": kind, "meaning": plain_or_quoted(meaning)}
             for key, (unit, kind, meaning) in draft.slots.items()
         },
     )
-    yield from _part(
+    yield from part(
         "outputs",
         "What sensors read, by the names of the rig's channels.",
         {
-            key: {"unit": _quoted(f.unit), "formula": _quoted(f.formula), "meaning": _quoted(f.meaning)}
+            key: {
+                "unit": plain_or_quoted(f.unit),
+                "formula": plain_or_quoted(f.formula),
+                "meaning": plain_or_quoted(f.meaning),
+            }
             for key, f in draft.outputs.items()
         },
     )
@@ -136,13 +155,14 @@ def _guessed(meaning: str) -> str:
     return "assumed" if meaning.endswith("measure it") else ""
 
 
-def amount_of(value: float, unit: str) -> str:
+def amount_of(value: float, unit: str, digits: int = 4) -> str:
     """A number in its unit."""
-    text = f"{value:.4g}" if abs(value) > 1e-300 else "0"
+    text = f"{value:.{digits}g}" if abs(value) > 1e-300 else "0"
     return f"{text} {unit}" if unit not in ("", "1") else text
 
 
-def _part(name: str, comment: str, items: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+def part(name: str, comment: str, items: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """A part of a family file: a comment, and the fields of each name that are not empty."""
     if not items:
         return
     yield ""
@@ -181,7 +201,7 @@ def _rig(name: str, table: Table, draft: Draft, family: str, log_format: str | N
             yield "    # An input: measured, as here, or commanded? The log does not tell. A command is known"
             yield "    # exactly, has no noise and is never smoothed: it belongs under 'actuators', as"
             yield f"    # 'rigctl family new … --commanded {column.name}' writes it."
-        yield f"    unit: {_quoted(column.unit)}" + ("" if column.known else f"    # {NO_UNIT}")
+        yield f"    unit: {plain_or_quoted(column.unit)}" + ("" if column.known else f"    # {NO_UNIT}")
         yield f"    quantity: {quantity_of(column.unit)}"
         scatter = _scatter(column, table)
         if scatter > 0.0:
@@ -200,7 +220,7 @@ def _rig(name: str, table: Table, draft: Draft, family: str, log_format: str | N
                 f"low: {_end(low, column.unit, ROUND_FLOOR)}, high: {_end(high, column.unit, ROUND_CEILING)}"
             )
             unknown = "" if column.known else f"    # {NO_UNIT}"
-            yield f"  {column.name}: {{kind: level, unit: {_quoted(column.unit)}, {ends}}}{unknown}"
+            yield f"  {column.name}: {{kind: level, unit: {plain_or_quoted(column.unit)}, {ends}}}{unknown}"
         yield ""
         yield "# where every actuator goes when anything is wrong"
         yield "safe_state:"
@@ -304,7 +324,7 @@ def model_text(draft: Draft, family: str, rig: str) -> str:
         "parameters:",
     ]
     for name, p in draft.parameters.items():
-        value = _quoted_amount(amount_of(p.value, p.unit))
+        value = _quoted_amount(amount_of(p.value, p.unit, p.digits))
         lines.append(f"  {name}: {{value: {value}, fit: {'true' if p.fit else 'false'}}}")
     return "\n".join(lines) + "\n"
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from rigctl.cli.commands.first_fit import FirstFit
     from rigctl.proposal.columns import Column, Table
     from rigctl.proposal.propose import Proposal
+    from rigctl.proposal.roles import StatedRoles
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -55,6 +57,21 @@ def new(
             "heater, flow or linear; by default the simplest of first-order, second-order, driven-mass and "
             "linear that explains the data.",
             show_default=False,
+        ),
+    ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="FMU that is the model, in place of a template; its description is read, and it is not run.",
+            show_default=False,
+        ),
+    ] = None,
+    variable: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="COLUMN=NAME",
+            help="Input or output of the FMU that a column is, where their names differ; repeatable.",
         ),
     ] = None,
     inputs: Annotated[
@@ -117,23 +134,27 @@ def new(
     Example: rigctl family new damper --csv log.csv --measured velocity
 
     Example: rigctl family new oven --template heater
+
+    Example: rigctl family new drive --fmu motor.fmu --csv log.csv
     """
     from rigctl.cli.plans import read_assignments
     from rigctl.dataset.importing.options import Options, checked_choices
-    from rigctl.project import find_file, find_project
+    from rigctl.project import find_file
     from rigctl.proposal.columns import read_columns
     from rigctl.proposal.from_columns import UnfittingError
     from rigctl.proposal.propose import empty_table, find_template, propose
     from rigctl.proposal.roles import StatedRoles, with_roles
 
-    if csv is None and template is None:
-        raise RigctlError("nothing to begin with", expected="--csv FILE, --template NAME, or both")
+    if csv is None and template is None and fmu is None:
+        raise RigctlError(
+            "nothing to begin with", expected="--csv FILE, --template NAME, both, or --fmu FILE"
+        )
     if template is not None:
         find_template(template)
+    _refuse_contradictions(fmu, {"--template": template, "--input": inputs, "--output": outputs}, variable)
     called = _name(name)
-    if csv is None:
-        table = empty_table(template or "")
-    else:
+    reading: Callable[[Mapping[str, str]], Table] | None = None
+    if csv is not None:
         choices = {
             "dates": dates,
             "times": times,
@@ -142,9 +163,16 @@ def new(
             "decimal": decimal,
         }
         options = Options(missing=tuple(missing or ()), heading=heading, **checked_choices(choices))
-        stated = StatedRoles(inputs or (), outputs or (), leave or (), commanded or (), measured or ())
-        units = read_assignments(unit or (), "--unit")
-        table = with_roles(read_columns(find_file(csv), units, options), stated)
+        reading = partial(read_columns, find_file(csv), options=options)
+    stated = StatedRoles(inputs or (), outputs or (), leave or (), commanded or (), measured or ())
+    units = read_assignments(unit or (), "--unit")
+    if fmu is not None:
+        variables = read_assignments(variable or (), "--variable")
+        _finish(
+            _of_fmu(called, find_file(fmu), reading, units, stated, variables), "", fit=False, as_json=as_json
+        )
+        return
+    table = empty_table(template or "") if reading is None else with_roles(reading(units), stated)
     stated_options = _options(csv, inputs, commanded, measured, outputs, leave, unit, import_options(table))
     try:
         proposal = propose(called, table, template)
@@ -152,14 +180,62 @@ def new(
         command = f"rigctl family new {shell_word(name)} {stated_options}"
         command += "" if template is None else f" --template {template}"
         raise _with_units(problem, command, table) from None
+    _finish(proposal, stated_options, fit=fit, as_json=as_json)
+
+
+def _finish(proposal: Proposal, options: str, *, fit: bool, as_json: bool) -> None:
+    """Write the files, fit the model to the log once, and show both."""
+    from rigctl.project import find_project
+
     root = find_project().root
     with _written(root, proposal) as written:
         tried = _tried(proposal, root, fit=fit)
-    document = _document(proposal, written, stated_options, tried)
+    document = _document(proposal, written, options, tried)
     if as_json:
         print_json(document)
     else:
-        _show(document, proposal, stated_options, tried)
+        _show(document, proposal, options, tried)
+
+
+def _refuse_contradictions(
+    fmu: Path | None, without: Mapping[str, object], variable: Sequence[str] | None
+) -> None:
+    """Refuse options that an FMU makes void, and those that need one."""
+    if fmu is None and variable:
+        raise RigctlError("--variable is for the variables of an FMU", expected="--fmu FILE")
+    for option, given in without.items():
+        if fmu is not None and given:
+            raise RigctlError(
+                f"--fmu and {option} exclude each other: an FMU has its own equations, inputs and outputs",
+                expected="one of them",
+            )
+
+
+def _of_fmu(
+    name: str,
+    path: Path,
+    reading: Callable[[Mapping[str, str]], Table] | None,
+    units: Mapping[str, str],
+    stated: StatedRoles,
+    variables: Mapping[str, str],
+) -> Proposal:
+    """The draft for an FMU; `reading` reads the log, with the units of columns that state none."""
+    from rigctl.fmu.description import read_description
+    from rigctl.project import find_project
+    from rigctl.proposal.fmu import pair, propose_fmu, table_of_fmu, units_from, with_fmu_roles
+
+    about = read_description(path)
+    root, here = find_project().root.resolve(), path.resolve()
+    written = (here.relative_to(root) if here.is_relative_to(root) else here).as_posix()
+    if reading is None:
+        table, pairs = table_of_fmu(about)
+        return propose_fmu(name, about, written, table, pairs)
+    table = reading(units)
+    pairs = pair(table, about, variables, stated.omitted)
+    own = units_from(table, about, pairs)
+    if own:
+        table = reading({**own, **units})
+    return propose_fmu(name, about, written, with_fmu_roles(table, about, pairs, stated), pairs, own)
 
 
 def _name(written: str) -> str:
@@ -300,8 +376,10 @@ def _commands(proposal: Proposal) -> list[str]:
     if table.path is not None:
         policy = "" if table.policy is None else f" --times {table.policy}"
         commands.append(f"rigctl import {shell_word(table.path.as_posix())} --rig {proposal.rig}{policy}")
-        commands.append(f"rigctl compare latest --model {proposal.model}")
-    commands.append(f"rigctl simulate {proposal.procedure}")
+        allowed = "" if proposal.fmu is None else f" --family {shell_word(proposal.fmu)}"
+        commands.append(f"rigctl compare latest --model {proposal.model}{allowed}")
+    if proposal.fmu is None:
+        commands.append(f"rigctl simulate {proposal.procedure}")
     commands.append(f"rigctl effects list --slots --family {proposal.family}")
     return commands
 
@@ -313,6 +391,7 @@ def _document(
     return {
         "name": proposal.name,
         "template": proposal.template,
+        "fmu": proposal.fmu,
         "family": proposal.family,
         "rig": proposal.rig,
         "model": proposal.model,
@@ -335,6 +414,7 @@ def _document(
         "other": None
         if other is None
         else f"rigctl family new {proposal.name}_{other.replace('-', '_')} {again} --template {other}",
+        "notes": list(proposal.notes),
         "next": _commands(proposal),
     }
 
@@ -371,12 +451,13 @@ def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: 
             )
             listed.add_row(column["theirs"], role, unit, column["reason"])
         console().print(listed)
-    echo(f"template: {document['template']}")
+    if proposal.template is not None:
+        echo(f"template: {proposal.template}")
     for path in document["files"]:
         echo(f"  {path}")
     for line in tried.lines() if tried is not None else ():
         echo(line)
-    for line in (*_questions(document["columns"]), *_unstated_units(proposal, options)):
+    for line in (*_questions(document["columns"]), *_unstated_units(proposal, options), *proposal.notes):
         echo(line)
     if document["other"] is not None:
         echo(f"Another template explains more: {document['other']}")
@@ -388,7 +469,7 @@ def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: 
 def _unstated_units(proposal: Proposal, options: str) -> Iterator[str]:
     """Which units the log does not state, and the command that states them."""
     unknown, units = _without_unit(proposal.table)
-    if not unknown or proposal.table.path is None:
+    if not unknown or proposal.table.path is None or proposal.fmu is not None:
         return
     names = ", ".join(c.theirs + (f" ('{c.unread}' is no unit)" if c.unread else "") for c in unknown)
     yield (

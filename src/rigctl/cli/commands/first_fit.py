@@ -60,6 +60,8 @@ class FirstFit:
 
     def other_template(self, proposal: Proposal) -> str | None:
         """A template that is worth the next try, where this one explains too little."""
+        if proposal.suggestion is None or proposal.template is None:
+            return None
         if not self.explained or min(self.explained.values()) >= ENOUGH:
             return None
         left = 1.0 - sum(self.explained.values()) / len(self.explained)
@@ -82,6 +84,8 @@ class FirstFit:
 def first_fit(proposal: Proposal, root: Path, run: Path, *, fit: bool) -> FirstFit:
     """Fit the model to the run of its log, and plot both."""
     result, problem = None, "" if fit else "not asked for"
+    if proposal.fmu is not None:
+        problem = f"{proposal.fmu} is not run here; 'rigctl compare' does, below"
     if fit:
         try:
             result = _fitted(proposal, root, run)
