@@ -59,7 +59,7 @@ _NOTES: Final = {
     "SI": "{fmu} gives no unit for {names}: taken for SI, of the quantities in the log",
     "log without unit": "The log states no unit for {names}: taken for those of {fmu}; --unit says otherwise",
     "unknown unit": "{fmu} has units that are not known, and does not define them: {names}; left out",
-    "no value": "{fmu} gives no value for {names}: left out. What a fit is to change needs one in {family}",
+    "no number": "{fmu} gives no number for {names}: left out. What a fit is to change needs one in {family}",
     "no bounds": "{fmu} does not bound {names} on both sides: drafted as a thousandth and a thousand times "
     "the value. Write what is possible in {family}",
     "zero": "{fmu} gives 0 for {names}, and not both bounds: fixed until you write bounds in {family}, and "
@@ -332,7 +332,7 @@ def _parameters(
         if unit is None:
             continue
         if one.start is None or not math.isfinite(one.start):
-            notes.add("no value", one.name)
+            notes.add("no number", one.name)
             continue
         ours = _free_name(one.name, {*taken, *found})
         low, high, kind = _bounds(one, one.start)
