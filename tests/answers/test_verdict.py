@@ -13,7 +13,7 @@ import pytest
 
 from rigctl.analysis.collected_evidence import drift_evidence, evidence_for
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.conclusion import Doubt, Outcome, conclude, whether_at_all
+from rigctl.analysis.conclusion import Doubt, NotProven, Outcome, conclude, whether_at_all
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked
 from rigctl.analysis.improve import Improvement, NotImproved
 from rigctl.analysis.linear.cross_validation import CrossValidation
@@ -26,6 +26,7 @@ from rigctl.answers.evidence import rival_text, sentence
 from rigctl.answers.improvement import refusal_text
 from rigctl.answers.reasons import reason_text
 from rigctl.answers.verdict import effect_text, worded
+from rigctl.answers.verdict import statement as verdict_statement
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements
@@ -164,6 +165,28 @@ def test_with_guessed_noise_no_missing_effect_is_claimed() -> None:
     assert whether_at_all(compared(0, 0.8)) == Doubt("below_noise")
     assert whether_at_all(compared(0, 0.95)) == Doubt("within_noise")
     assert whether_at_all(compared(0, 1.1)) is None
+
+
+@pytest.mark.parametrize(
+    ("after", "change"),
+    [(0.21, "falls from 0.26 A to 0.21 A"), (0.31, "rises from 0.26 A to 0.31 A")],
+)
+def test_the_error_with_an_effect_that_is_not_proven_falls_or_rises(after: float, change: str) -> None:
+    """It used to fall from 0.26 to 0.31 A."""
+
+    def fit(current: float) -> Any:
+        channels = [SimpleNamespace(name=name, own_scale=name == "current") for name in ("current", "speed")]
+        problem = SimpleNamespace(
+            model=SimpleNamespace(family=SimpleNamespace(program=None)),
+            noise=SimpleNamespace(channels=channels),
+            measurements=SimpleNamespace(unit_of={"current": "A"}.__getitem__),
+        )
+        return SimpleNamespace(problem=problem, errors={"current": SimpleNamespace(rmse=current)})
+
+    best = SimpleNamespace(fit=fit(after), candidates=["offset"], effects=["offset_of_current"])
+    diagnosis: Any = SimpleNamespace(conclusion=NotProven(), before=SimpleNamespace(fit=fit(0.26)), best=best)
+    said = verdict_statement(diagnosis)
+    assert said.endswith(f"The nearest is offset_of_current: with it the error of current {change}")
 
 
 def test_ambiguity_from_a_check_names_no_other_effects() -> None:
