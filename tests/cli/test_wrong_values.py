@@ -130,6 +130,8 @@ WRONG: dict[str, tuple[str, ...]] = {
     "valid_for": TIME,
     "rival_timeout": TIME,
     "rival": ("nothing.fmu", "picture.png"),
+    "fmu": ("nothing.fmu", "picture.png", "folder"),
+    "variable": PAIR,
     "effect": NAME,
     "add_effect": NAME,
     "remove_effect": NAME,
