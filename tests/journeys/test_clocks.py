@@ -89,8 +89,9 @@ def course(
     return [y[np.searchsorted(every, grid)] for y, grid in zip(found.y, grids, strict=True)]
 
 
-def clock(channels: str, stated: float = STATED) -> str:
-    return f"clocks:\n  logger_b: {{channels: [{channels}], uncertainty: {1e3 * stated:g} ms}}\n"
+def clock(channels: str, stated: float = STATED, offset: float = 0.0) -> str:
+    known = f"offset: {1e3 * offset:g} ms, " if offset else ""
+    return f"clocks:\n  logger_b: {{channels: [{channels}], {known}uncertainty: {1e3 * stated:g} ms}}\n"
 
 
 def write_motor(clocks: str, late: tuple[float, float], *, dead: float = 0.0) -> None:
@@ -142,6 +143,51 @@ def test_a_late_tachometer_is_the_clock_of_its_logger(tmp_path: Path, share: flo
     with chdir(tmp_path):
         write_motor(clock("speed"), (0.0, share * STATED))
         require_found(judged(), share * STATED, STATED)
+
+
+@pytest.mark.parametrize("late", [0.0312, -0.0488])
+def test_a_stated_offset_is_the_centre_of_the_prior(tmp_path: Path, late: float) -> None:
+    """With it the model agrees, exact clocks or not; without it the clock is off by more than is stated."""
+    stated = 0.004
+    with chdir(tmp_path):
+        write_motor(clock("speed", stated), (0.0, late))
+        without = judged()
+        write_motor(clock("speed", stated, late), (0.0, late))
+        found = judged()
+    assert not without["adequate"]
+    assert found["adequate"]
+    assert found["explained_by"] is None, "what is left of the offset explains nothing"
+    assert offset(found)["offset"] == pytest.approx(late)
+    assert abs(offset(found)["behind"] - late) < 4.0 * offset(found)["std"]
+    assert any("the clock logger_b is" in note for note in found["notes"])
+
+
+def test_an_offset_beyond_the_stated_one_is_told_from_zero(tmp_path: Path) -> None:
+    with chdir(tmp_path):
+        write_motor(clock("speed", 0.004, 0.03), (0.0, 0.037))
+        found = judged()
+    one = offset(found)
+    assert one["beyond"]
+    assert abs(one["behind"] - 0.037) < 4.0 * one["std"]
+    assert "the clock logger_b is 37 ms behind (stated 30 ms ±4 ms)" in found["statement"]
+
+
+def test_a_late_measured_input_is_read_at_its_times(tmp_path: Path) -> None:
+    late = 1.5
+    with chdir(tmp_path):
+        write_bath(clock("bath", 0.2, late), late)
+        found = judged()
+    assert found["adequate"]
+    assert found["explained_by"] is None
+    assert abs(offset(found)["behind"] - late) < 4.0 * offset(found)["std"]
+
+
+def test_an_offset_of_half_a_record_is_refused(tmp_path: Path) -> None:
+    with chdir(tmp_path):
+        write_motor(clock("speed", 0.004, 1.2), (0.0, 0.0))
+        message = refusal("compare", "latest", "--model", "model.yaml")
+    assert "a clock is off by more than half of record" in message
+    assert "less than 0.995 s" in message
 
 
 def test_an_offset_of_all_channels_and_a_dead_time_are_both_named(tmp_path: Path) -> None:
@@ -231,24 +277,30 @@ channels:
 """
 
 
-@pytest.mark.parametrize("share", [0.8, 1.5])
-def test_a_late_measured_input_is_its_loggers_clock(tmp_path: Path, share: float) -> None:
-    stated, times = 1.0, np.arange(0.0, 60.0, 0.2)
+def write_bath(clocks: str, late: float) -> None:
+    """A probe in a bath whose temperature is read by a clock that is behind by `late`, s."""
+    times = np.arange(0.0, 60.0, 0.2)
 
     def bath(t: float | Floats) -> Any:
         return 20.0 + 8.0 * np.sin(0.3 * t) ** 2 * (1.0 + np.sin(0.83 * t))
 
     (probe,) = course(lambda t, y: [(bath(t) - y[0]) / 4.0], [20.0], times, [0.0], 0.05)
     probe += 0.05 * np.random.default_rng(3).standard_normal(times.size)
+    write_files(
+        family=BATH,
+        rig=BATH_RIG + clocks,
+        model="model: family.yaml\nrig: rig.yaml\nparameters: {lag: {value: 3 s, fit: true}}\n",
+    )
+    rows = list(zip(times, bath(times + late), probe, strict=True))
+    write_log(["time [s]", "bath [degC]", "probe [degC]"], rows)
+    told("import", "log.csv", "--rig", "rig.yaml")
+
+
+@pytest.mark.parametrize("share", [0.8, 1.5])
+def test_a_late_measured_input_is_its_loggers_clock(tmp_path: Path, share: float) -> None:
+    stated = 1.0
     with chdir(tmp_path):
-        write_files(
-            family=BATH,
-            rig=BATH_RIG + clock("bath", stated),
-            model="model: family.yaml\nrig: rig.yaml\nparameters: {lag: {value: 3 s, fit: true}}\n",
-        )
-        rows = list(zip(times, bath(times + share * stated), probe, strict=True))
-        write_log(["time [s]", "bath [degC]", "probe [degC]"], rows)
-        told("import", "log.csv", "--rig", "rig.yaml")
+        write_bath(clock("bath", stated), share * stated)
         found = judged()
     require_found(found, share * stated, stated)
     budget = {one["parameter"]: one["shares"] for one in found["uncertainty_budget"]}

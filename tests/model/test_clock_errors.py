@@ -28,3 +28,11 @@ def test_the_clock_of_the_last_run_is_the_one_of_further_records() -> None:
     first, second = errors({"b": clock("p")}, {"b": clock("p", stated="20 ms")}, {"b": clock("p")})
     assert (first.latest, second.latest) == (True, False)
     assert first.runs == ("run-0", "run-2")
+
+
+def test_another_offset_is_another_clock() -> None:
+    """Its records are read at other times, and what is left of the offset is another number."""
+    measured = clock("p").model_copy(update={"offset": 0.012})
+    first, second = errors({"b": clock("p")}, {"b": measured})
+    assert (first.offset, second.offset) == (0.0, 0.012)
+    assert first.name != second.name

@@ -63,6 +63,53 @@ def test_mistakes_are_named_with_their_place(before: str, after: str, said: str)
     assert said in str(caught.value)
 
 
+EDGE = """\
+actuators:
+  trigger: {device: daq, kind: switch}
+  level: {device: daq, kind: level, unit: V, low: 0 V, high: 5 V, max_rate: 1 V/s}
+  knob: {kind: switch, by: operator}
+safe_state: {trigger: off, level: 0 V}
+align: {actuator: trigger, to: on, channels: [a, b], hold: 2 s, repeats: 20}
+"""
+
+
+def test_an_edge_that_devices_see_is_read() -> None:
+    stated = parse_rig(GOOD + EDGE).align
+    assert stated is not None
+    assert (stated.actuator, stated.to, stated.channels) == ("trigger", 1.0, ("a", "b"))
+    assert (stated.hold, stated.repeats) == (2.0, 20)
+    assert parse_rig(GOOD).align is None
+    assert all(part.align is None for part in parse_rig(GOOD + EDGE).parts.values())
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("actuator: trigger", "actuator: triger", "unknown actuator, got 'triger'; did you mean 'trigger'?"),
+        ("actuator: trigger, to: on", "actuator: level, to: 3 V", "this output has a max_rate"),
+        ("actuator: trigger", "actuator: knob", "this output is set by hand, and makes no edge, got 'knob'"),
+        ("to: on", "to: off", "15:32: this is its safe state, got 'off'"),
+        ("to: on", "to: extend", "15:32: unknown position, got 'extend'"),
+        ("[a, b]", "[a, d]", "unknown channel, got 'd'"),
+        ("[a, b]", "[a, a]", "a is of the same device, got 'a'; expected one channel of daq"),
+        ("[a, b]", "[]", "channels"),
+        ("hold: 2 s", "hold: 0 s", "must be greater than zero"),
+        ("repeats: 20", "repeats: 1", "repeats"),
+    ],
+)
+def test_an_edge_that_is_none_is_refused(before: str, after: str, said: str) -> None:
+    head, _, align = EDGE.partition("align:")
+    assert before in align
+    with pytest.raises(RigctlError) as caught:
+        parse_rig(GOOD + head + "align:" + align.replace(before, after))
+    assert said in str(caught.value)
+
+
+def test_one_device_has_nothing_to_align(small: str) -> None:
+    with pytest.raises(RigctlError, match="a bench with one device has nothing to align"):
+        parse_rig(small + "align: {actuator: heater, to: on, channels: [temperature]}\n")
+
+
 def test_a_rig_with_one_device_names_none() -> None:
     text = "name: one\nbackend: {kind: serial}\nchannels:\n  a: {device: daq, unit: V, quantity: voltage}\n"
     with pytest.raises(RigctlError, match="the rig names no devices"):

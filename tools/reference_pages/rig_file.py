@@ -13,6 +13,7 @@ from rigctl.files.schema import json_schema
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.calibration import Calibration, Raw
 from rigctl.rig.channel import Channel
+from rigctl.rig.align import Align
 from rigctl.rig.clock import Clock
 from rigctl.rig.limit import Limit
 from rigctl.rig.possible_sensors import PossibleChannel
@@ -94,6 +95,7 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("channels.NAME.raw", Raw, ""),
     ("channels.NAME.calibration", Calibration, ""),
     ("clocks.NAME", Clock, ""),
+    ("align", Align, ""),
     ("could_have.NAME", PossibleChannel, ""),
     ("actuators.NAME", Actuator, ""),
     ("roles", Roles, ""),

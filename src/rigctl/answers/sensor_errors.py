@@ -24,10 +24,12 @@ def error_text(one: Misreading | WrongClock) -> str:
 def _clock_text(one: WrongClock) -> str:
     """``the clock logger_b is 32 ms behind (stated ±50 ms)``."""
     unit = _unit_of(one)
-    size, stated = show(abs(one.error), unit, digits=2), show(one.stated, unit, digits=2)
-    direction = "behind" if one.error > 0.0 else "ahead"
+    whole = one.offset + one.error
+    size, stated = show(abs(whole), unit, digits=2), show(one.stated, unit, digits=2)
+    direction = "behind" if whole > 0.0 else "ahead"
     again = f" under its statement {one.number}" if one.number > 1 else ""
-    return f"the clock {one.clock}{again} is {size} {direction} (stated ±{stated})"
+    known = f"{show(one.offset, unit, digits=2)} " if one.offset else ""
+    return f"the clock {one.clock}{again} is {size} {direction} (stated {known}±{stated})"
 
 
 def _unit_of(clock: WrongClock) -> str:

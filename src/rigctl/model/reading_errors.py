@@ -12,7 +12,8 @@ unit of the channel, the largest that its part makes. Every c_k has the prior N(
 95 %, two standard deviations. Noise averages out over readings; these do not, whatever their number.
 
 A clock that is behind by τ gives a reading at t + τ the time t: ``r(t) = y(t + τ)`` for every channel that it
-dates, with the prior N(0, std) too.
+dates, with the prior N(offset, std). Records are read at the times that the stated offset gives
+(`rigctl.model.measured.offsets`), so that the unknown is what is left of τ, with the prior N(0, std) too.
 Source: JCGM 100:2008 (GUM), 3.2 and F.2.4.5, systematic effects of a calibration.
 """
 
@@ -94,7 +95,8 @@ class _CommonError(ABC):
 
 @dataclass(frozen=True)
 class ClockError(_CommonError):
-    """The offset τ of one clock, s: its readings were taken at t + τ, later than they say if it is behind.
+    """What is left of the offset of one clock, s: its readings were taken at t + τ, later than they say if it
+    is behind, t being what it says corrected by `offset`.
 
     Attributes
     ----------
@@ -102,6 +104,7 @@ class ClockError(_CommonError):
     channels: that it dates, of those that the records have.
     number: from 1, where the rig file has changed what it says of the clock.
     known: the rig file says that it may be off.
+    offset: that the rig file states, the centre of the prior of the whole, s.
     """
 
     clock: str
@@ -112,6 +115,7 @@ class ClockError(_CommonError):
     number: int = 1
     latest: bool = True
     known: Literal[True] = True
+    offset: float = 0.0
 
     @property
     def name(self) -> str:
@@ -287,13 +291,14 @@ def clock_errors(
                         runs=() if everywhere else runs,
                         number=number,
                         latest=list(clocks)[-1] in runs,
+                        offset=clock.offset,
                     )
                 )
     return tuple(errors)
 
 
 def _statement(clock: Clock) -> object:
-    return frozenset(clock.channels), clock.uncertainty
+    return frozenset(clock.channels), clock.offset, clock.uncertainty
 
 
 def _states(of_runs: Mapping[str, T], key: Callable[[T], object]) -> list[tuple[T, tuple[str, ...]]]:

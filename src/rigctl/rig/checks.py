@@ -38,6 +38,7 @@ def problems(rig: Rig) -> Iterator[Problem]:
     for name, channel in rig.channels.items():
         yield from _channel(("channels", name), channel)
     yield from _clocks(rig)
+    yield from _align(rig)
     yield from _could_have(rig)
     yield from _actuators(rig)
     yield from _roles(rig)
@@ -324,6 +325,49 @@ def _clocks(rig: Rig) -> Iterator[Problem]:
             else:
                 yield from _known(rig.channels, "channel", channel, keys)
             dated.setdefault(channel, name)
+
+
+def _align(rig: Rig) -> Iterator[Problem]:
+    """Check that the edge is one of a driven output, and that one channel of each device sees it."""
+    stated = rig.align
+    if stated is None:
+        return
+    if not rig.devices:
+        yield Problem(("align",), RigctlError("a bench with one device has nothing to align"), of_key=True)
+        return
+    yield from _known(rig.actuators, "actuator", stated.actuator, ("align", "actuator"))
+    actuator = rig.actuators.get(stated.actuator)
+    if actuator is not None:
+        yield from _edge(rig, actuator)
+    seen: dict[str, str] = {}
+    for index, channel in enumerate(stated.channels):
+        keys = ("align", "channels", index)
+        yield from _known(rig.channels, "channel", channel, keys)
+        device = rig.device_of(channel)
+        if channel in rig.channels and device in seen:
+            error = RigctlError(
+                f"{seen[device]} is of the same device", value=channel, expected=f"one channel of {device}"
+            )
+            yield Problem(keys, error)
+        seen.setdefault(device, channel)
+
+
+def _edge(rig: Rig, actuator: Actuator) -> Iterator[Problem]:
+    """Check that the output of `align` jumps when it is commanded."""
+    assert rig.align is not None  # noqa: S101 - the caller has one
+    name, written = rig.align.actuator, rig.align.to.text
+    if actuator.by == "operator" or actuator.max_rate is not None:
+        why = "is set by hand" if actuator.by == "operator" else "has a max_rate"
+        error = RigctlError(f"this output {why}, and makes no edge", value=name, expected="one that jumps")
+        yield Problem(("align", "actuator"), error)
+    try:
+        value = actuator.read(written)
+    except RigctlError as wrong:
+        yield Problem(("align", "to"), wrong)
+        return
+    if name in rig.safe_state and value == float(rig.safe_state[name]):
+        error = RigctlError("this is its safe state", value=written, expected="another setting")
+        yield Problem(("align", "to"), error)
 
 
 def _could_have(rig: Rig) -> Iterator[Problem]:

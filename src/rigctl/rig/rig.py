@@ -22,6 +22,7 @@ from rigctl.files.quantity import Q, reader_schema
 from rigctl.notebook import one_line
 from rigctl.plugins import BACKENDS, plugin_names
 from rigctl.rig.actuator import Actuator
+from rigctl.rig.align import Align
 from rigctl.rig.base import RigFilePart
 from rigctl.rig.channel import Channel
 from rigctl.rig.clock import Clock
@@ -171,6 +172,9 @@ class Rig(RigFilePart):
     clocks: dict[Name, Clock] = Field(
         default_factory=dict,
         description="clocks of devices or loggers that may be off against the commands'",
+    )
+    align: Align | None = Field(
+        default=None, description="an edge that several devices see, for `rigctl doctor --align`"
     )
     could_have: dict[Name, PossibleChannel] = Field(
         default_factory=dict, description="sensors that could be added"
@@ -395,6 +399,7 @@ def _part(rig: Rig, device: str) -> Rig:
             "model": None,
             "channels": channels,
             "clocks": {},
+            "align": None,
             "could_have": {},
             "actuators": actuators,
             "roles": rig.roles.within(own),

@@ -82,7 +82,7 @@ class Misreading:
 
 @dataclass(frozen=True)
 class WrongClock:
-    """The offset that a fit found of one clock, s.
+    """The offset that a fit found of one clock, s, beyond the one that the rig file states.
 
     Attributes
     ----------
@@ -92,6 +92,7 @@ class WrongClock:
     stated: the uncertainty that the rig file states for it, 95 %.
     beyond: it contradicts what is stated.
     number: from 1, if the rig file has changed what it says of the clock.
+    offset: that the rig file states, s, beside which `error` is.
     """
 
     clock: str
@@ -101,6 +102,7 @@ class WrongClock:
     stated: float
     beyond: bool
     number: int = 1
+    offset: float = 0.0
 
     @property
     def of(self) -> tuple[str, str, int]:
@@ -112,7 +114,8 @@ class WrongClock:
         return {
             "clock": self.clock,
             "channels": list(self.channels),
-            "behind": self.error,
+            "behind": self.offset + self.error,
+            **({"offset": self.offset} if self.offset else {}),
             "std": self.std,
             "stated": self.stated,
             "unit": "s",
@@ -267,7 +270,9 @@ def _beyond(error: float, stated: float, std: float) -> bool:
 def _wrong_clock(clock: ClockError, estimate: Floats, covariance: Floats) -> WrongClock:
     error, std = float(estimate[0]), math.sqrt(max(0.0, float(covariance[0, 0])))
     beyond = _beyond(error, clock.stated, std)
-    return WrongClock(clock.clock, clock.channels, error, std, clock.stated, beyond, clock.number)
+    return WrongClock(
+        clock.clock, clock.channels, error, std, clock.stated, beyond, clock.number, clock.offset
+    )
 
 
 def _misreading(

@@ -16,6 +16,7 @@ from rigctl.cli.commands.doctor_finding import Finding
 from rigctl.cli.echo import print_json
 from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
+from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
     from rigctl.backends.transport.serial_ports import PortInfo, PortsUnlisted
@@ -169,6 +170,19 @@ def doctor(
         typer.Option(help="Rig file whose devices are read, all channels, at their ports or at --port."),
     ] = None,
     allow_driver: AllowDriverOption = None,
+    *,
+    align: Annotated[
+        bool,
+        typer.Option(
+            "--align",
+            help="Instead, measure how far the clocks of several devices are off, by the output that 'align' "
+            "in the rig file names. This moves it; all outputs are safe afterwards.",
+        ),
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="With --align: move the output unasked.")] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="With --align: write the offsets to the rig file unasked.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Report what is installed, what is missing and how to get it, and which serial ports can be used.
@@ -184,7 +198,21 @@ def doctor(
       rigctl doctor --port /dev/ttyACM0
 
       rigctl doctor --rig rigs/oil-circuit-modbus.yaml --port 192.168.0.20:502
+
+      rigctl doctor --rig rigs/my-bench.yaml --align
     """
+    if align:
+        from rigctl.cli.commands.doctor_align import align_devices
+
+        align_devices(rig, port, yes=yes, write=write, as_json=as_json)
+        return
+    if yes or write:
+        raise RigctlError("--yes and --write belong to --align", expected="--align")
+    _examine(port, baud, rig, as_json=as_json)
+
+
+def _examine(port: Sequence[str] | None, baud: int, rig: Path | None, *, as_json: bool) -> None:
+    """Report the findings, and end with their exit code."""
     from rigctl.backends.transport.serial_ports import PortsUnlisted, list_ports
     from rigctl.cli.commands.doctor_bench import ask_port, ask_rig, ports_document
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rigctl.engine.excitation import Ramps
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.fit.slopes import OfEachRecord
+from rigctl.model.measured.offsets import moved_lines
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.reading_errors import ClockError
 
@@ -62,14 +63,10 @@ def read_times(record: MeasuredRecord, names: Sequence[str], offsets: Mapping[st
 
 def moved_ramps(record: MeasuredRecord, inputs: Sequence[str], offsets: Mapping[str, float]) -> Ramps | None:
     """The inputs that change continuously, as they were at the times of the commands' clock."""
-    late = np.array([offsets.get(inputs[index], 0.0) for index in record.along])
-    if record.ramps is None or not late.any():
+    late = [offsets.get(inputs[index], 0.0) for index in record.along]
+    if record.ramps is None or not any(late):
         return record.ramps
-    knots = np.unique(record.knots[:, None] + late)
-    columns = [
-        np.interp(knots, record.knots + one, line) for one, line in zip(late, record.lines.T, strict=True)
-    ]
-    return Ramps(np.array(record.along), knots, np.column_stack(columns))
+    return Ramps(np.array(record.along), *moved_lines(record.knots, record.lines, late))
 
 
 def as_dated(

@@ -55,23 +55,33 @@ def clock_notes(measurements: Measurements) -> Iterator[str]:
     """Which readings do not count because of a clock."""
     for clock in clocks_of(measurements):
         outputs = ", ".join(_affected(clock, measurements))
+        off = f"{behind_text(clock.offset)}, ±" if clock.offset else "may be off by ±"
         yield (
-            f"the clock {clock.clock} may be off by ±{show(clock.stated, 's')}: the readings of {outputs} "
+            f"the clock {clock.clock} {off}{show(clock.stated, 's')}: the readings of {outputs} "
             "within twice that of an end of a record count in no fit"
         )
+
+
+def behind_text(offset: float) -> str:
+    """``is 12 ms behind``, or ``is 12 ms ahead``."""
+    unit = "ms" if abs(offset) < 1.0 else "s"
+    return f"is {show(abs(offset), unit, digits=3)} {'behind' if offset > 0.0 else 'ahead'}"
 
 
 def far_from_ends(measurements: Measurements) -> list[NDArray[np.bool_]]:
     """(n, outputs) of each record, the readings that belong to it whatever offset a fit may find.
 
-    What an output was before it, and a measured input before its first reading, is not known.
+    What an output was before it, and a measured input before its first reading, is not known. The stated
+    offset of a clock moves the first or the last reading of an input into the record.
     """
     masks = [np.ones(record.values.shape, dtype=bool) for record in measurements.records]
     for clock in clocks_of(measurements):
         columns = [measurements.outputs.index(name) for name in _affected(clock, measurements)]
+        known = clock.offset if any(name in measurements.inputs for name in clock.channels) else 0.0
         for record, mask in zip(measurements.records, masks, strict=True):
             if not record.row and clock.acts_in(record.run):
-                first, last = record.times[0] + clock.largest, record.times[-1] - clock.largest
+                first = record.times[0] + clock.largest + max(known, 0.0)
+                last = record.times[-1] - clock.largest + min(known, 0.0)
                 mask[:, columns] &= ((record.times >= first) & (record.times <= last))[:, None]
     return masks
 

@@ -25,6 +25,7 @@ from rigctl.model.measured.input_notes import acting_notes, steady_inputs, taken
 from rigctl.model.measured.note import Note, as_notes
 from rigctl.model.measured.notes import notes
 from rigctl.model.measured.observations import observed_records, taken_inputs, taken_temperature, titles
+from rigctl.model.measured.offsets import as_taken, moved_lines, stated_offsets
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.rigs import recorded_rigs, rig_of
@@ -52,6 +53,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         usable record.
     """
     rig = rig_of(model, runs)
+    rigs = recorded_rigs(model, runs)
     known = [output.name for output in model.family.outputs if rig is None or output.name in rig.channels]
     _require_channels(model, runs, known)
     records: list[MeasuredRecord] = []
@@ -60,7 +62,8 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     acts: list[Acting] = []
     for run in runs:
         if run.info["rows"]:
-            of_run = _of_run(model, run, rig, known, every)
+            late = stated_offsets(rigs[run.id].clocks) if run.id in rigs else {}
+            of_run = _of_run(model, run, rig, known, every, late)
             left_out += [*_too_short(run, len(of_run)), *assumed_notes(model, run, rig)]
             records += [record for record, _ in of_run]
             acts += [one for _, one in of_run]
@@ -103,7 +106,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         input_noise=steady.noise,
     )
     table = as_table(measured, runs, titles(model.family.name))
-    errors = _reading_errors(table, runs, recorded_rigs(model, runs))
+    errors = _reading_errors(table, runs, rigs)
     uncertain = replace(
         table,
         reading_errors=tuple(one for one in errors if one.known),
@@ -139,7 +142,12 @@ def _reading_errors(
 
 
 def _of_run(
-    model: Model, run: Run, rig: Rig | None, outputs: Sequence[str], every: int
+    model: Model,
+    run: Run,
+    rig: Rig | None,
+    outputs: Sequence[str],
+    every: int,
+    late: Mapping[str, float],
 ) -> list[tuple[MeasuredRecord, Acting]]:
     if rig is None:
         raise RigctlError(
@@ -158,7 +166,7 @@ def _of_run(
             acts = acting(record, run, rig, sources)
             picked = _thinned(record, every)
             knots = record.time - float(record.time[0])
-            records.append((_measured(model, run, picked, acts, knots, units, outputs), acts))
+            records.append((_measured(model, run, picked, acts, knots, units, outputs, late), acts))
     return records
 
 
@@ -196,27 +204,36 @@ def _measured(
     knots: np.ndarray,
     units: Sequence[str],
     outputs: Sequence[str],
+    late: Mapping[str, float],
 ) -> MeasuredRecord:
-    samples = record.time - float(record.time[0])
-    nothing = np.full(samples.size, np.nan)
+    label = f"{run.id}/{record.index}"
+    nothing = np.full(record.time.size, np.nan)
+    samples, values = as_taken(
+        record.time - float(record.time[0]),
+        np.column_stack([record.channels.get(name, nothing) for name in outputs]),
+        [late.get(name, 0.0) for name in outputs],
+        label,
+    )
+    inputs = [item.name for item in model.family.inputs]
+    knots, lines = moved_lines(knots, acts.lines, [late.get(inputs[k], 0.0) for k in acts.along])
     phase, names = phases_of(samples, acts.times, acts.commanded, model.family, units)
     return MeasuredRecord(
         run=run.id,
         index=record.index,
-        label=f"{run.id}/{record.index}",
+        label=label,
         times=samples,
         switch_times=acts.times,
         switch_half=acts.half,
         switch_jitter=acts.jitter,
         inputs=acts.rows,
-        values=np.column_stack([record.channels.get(name, nothing) for name in outputs]),
+        values=values,
         condition=dict(record.sweep),
         group=0,
         phase=phase,
         phases=names,
         along=acts.along,
         knots=knots,
-        lines=acts.lines,
+        lines=lines,
         unrecorded=acts.unrecorded,
     )
 
