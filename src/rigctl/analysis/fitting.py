@@ -75,12 +75,14 @@ class Data:
     measurements, noise: the records, and their noise.
     held_out: indices of the records that no fit sees.
     choice: the selection requested, and the records that it excludes.
+    numbers: the number of each record in conditions: ``record == 2``.
     """
 
     measurements: Measurements
     noise: DataNoise
     held_out: tuple[int, ...]
     choice: Choice = field(default_factory=Choice)
+    numbers: tuple[int, ...] = ()
 
 
 def read_runs(
@@ -122,7 +124,7 @@ def read_runs(
         choice = replace(choice, rest=rest)
         measurements, noise = measurements.only(indices), noise.only(indices)
     unseen = tuple(at for at, index in enumerate(indices) if kept[index] in held)
-    return Data(measurements, noise, unseen, choice)
+    return Data(measurements, noise, unseen, choice, tuple(kept[at] + 1 for at in indices))
 
 
 def _each_once(

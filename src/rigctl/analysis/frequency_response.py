@@ -8,7 +8,7 @@ all of that cancels where the model is right.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
@@ -24,6 +24,7 @@ from rigctl.frequency.response import SHORTEST, Response, Spectrum, estimate
 from rigctl.frequency.signals import Floats, Held, Signals
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.units import interval_unit, parse_unit
 
@@ -228,16 +229,54 @@ def responses_of_fit(
     RigctlError
         as `frequency_responses`; the data are a table without time.
     """
-    if fitted.problem.measurements.table:
+    return responses_of_outputs(
+        fitted.problem, dict(enumerate(fitted.outputs)), name, input_name, output_name, resolution=resolution
+    )
+
+
+def responses_of_outputs(
+    problem: Problem,
+    outputs: Mapping[int, Floats],
+    name: str,
+    input_name: str | None = None,
+    output_name: str | None = None,
+    *,
+    resolution: float | None = None,
+    like: FrequencyResponse | None = None,
+) -> list[FrequencyResponse]:
+    """The responses that some records show, beside those of a model that was simulated for them.
+
+    Parameters
+    ----------
+    outputs: (n, channels) of the model, SI, by the index of each record.
+    name: of the model.
+    like: the response of the same records to another model, which makes this one faster.
+
+    Raises
+    ------
+    RigctlError
+        as `frequency_responses`; the data are a table without time.
+    """
+    if problem.measurements.table:
         raise RigctlError("a frequency response needs records over time", value="a table")
-    return _responses(_of_fit(fitted, name), input_name, output_name, resolution)
+    return _responses(_of_model(problem, outputs, name), input_name, output_name, resolution, like)
 
 
-def _of_fit(fitted: FitResult, name: str) -> _Series:
-    problem = fitted.problem
+def moving_inputs(problem: Problem, records: Sequence[int]) -> tuple[str, ...]:
+    """The model's inputs that move in any of these records."""
+    timed = [problem.records[k] for k in _timed(problem, records)]
+    names = enumerate(problem.measurements.inputs)
+    return tuple(name for k, name in names if any(_moves(_given(record, k)) for record in timed))
+
+
+def _timed(problem: Problem, records: Sequence[int]) -> list[int]:
+    """The records over time: rows of a table may lie between them."""
+    return [k for k in records if not problem.records[k].row and problem.records[k].times.size > 1]
+
+
+def _of_model(problem: Problem, outputs: Mapping[int, Floats], name: str) -> _Series:
     measurements, rig = problem.measurements, problem.measurements.rig
-    # rows of a table may lie between records
-    at = [k for k, record in enumerate(problem.records) if not record.row and record.times.size > 1]
+    at = _timed(problem, sorted(outputs))
     records = [problem.records[k] for k in at]
     units = dict(zip(measurements.outputs, measurements.units, strict=True))
     for item in problem.model.family.inputs:
@@ -246,21 +285,18 @@ def _of_fit(fitted: FitResult, name: str) -> _Series:
             units[item.name] = rig.actuators[item.name].display_unit
         elif rig is not None and item.name in rig.channels:
             units[item.name] = rig.channels[item.name].unit
-    outputs = {}
+    by_channel = {}
     for column, output in enumerate(measurements.outputs):
         pairs = [
-            (
-                np.where(problem.ok[k][:, column], record.values[:, column], np.nan),
-                fitted.outputs[k][:, column],
-            )
+            (np.where(problem.ok[k][:, column], record.values[:, column], np.nan), outputs[k][:, column])
             for k, record in zip(at, records, strict=True)
         ]
-        outputs[output] = tuple(np.column_stack([seen, said, said - seen]) for seen, said in pairs)
+        by_channel[output] = tuple(np.column_stack([seen, said, said - seen]) for seen, said in pairs)
     return _Series(
         tuple(record.label for record in records),
         tuple(record.times for record in records),
         {item: tuple(_given(one, k) for one in records) for k, item in enumerate(measurements.inputs)},
-        outputs,
+        by_channel,
         units,
         name,
     )
@@ -342,7 +378,11 @@ def _chosen(every: list[tuple[Run, Record]], only: str | None) -> list[tuple[Run
 
 
 def _responses(
-    series: _Series, input_name: str | None, output_name: str | None, resolution: float | None
+    series: _Series,
+    input_name: str | None,
+    output_name: str | None,
+    resolution: float | None,
+    like: FrequencyResponse | None = None,
 ) -> list[FrequencyResponse]:
     if input_name is not None and input_name not in series.inputs:
         raise unknown_name("input", input_name, series.inputs)
@@ -357,7 +397,7 @@ def _responses(
     if not moving:
         raise RigctlError("no input moves in these records: they show no frequency response")
     found = [
-        _response(series, one, [other for other in moving if other != one], output, resolution)
+        _response(series, one, [other for other in moving if other != one], output, resolution, like)
         for one in ([input_name] if input_name is not None else moving)
         for output in ([output_name] if output_name is not None else series.outputs)
     ]
@@ -373,7 +413,12 @@ def _moves(values: Held | Floats) -> bool:
 
 
 def _response(
-    series: _Series, asked: str, others: Sequence[str], output: str, resolution: float | None
+    series: _Series,
+    asked: str,
+    others: Sequence[str],
+    output: str,
+    resolution: float | None,
+    like: FrequencyResponse | None,
 ) -> FrequencyResponse | None:
     """One response, from the records that are sampled evenly and alike; None without readings."""
     signals = [
@@ -398,7 +443,9 @@ def _response(
             value=f"{resolution:g} Hz",
             expected=f"at most {1.0 / (usual * SHORTEST):.3g} Hz, windows of {SHORTEST} samples",
         )
-    spectrum = estimate([signals[k] for k in alike], resolution)
+    labels = tuple(series.labels[k] for k in alike)
+    same = like is not None and (like.input, like.output, like.records) == (asked, output, labels)
+    spectrum = estimate([signals[k] for k in alike], resolution, like.spectrum if like and same else None)
     if spectrum is None:
         raise RigctlError(
             "these records are too short for a frequency response",
@@ -411,7 +458,7 @@ def _response(
         output,
         series.units[asked],
         series.units[output],
-        tuple(series.labels[k] for k in alike),
+        labels,
         spectrum,
         tuple(others),
         series.model,

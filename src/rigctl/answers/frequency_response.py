@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from rigctl.analysis.frequency_response import FrequencyResponse
 from rigctl.answers.blocks import Answer, Block, Column, Note, Points, Sentence, Table, nonempty
+from rigctl.errors import RigctlError
 from rigctl.units import significant
 from rigctl.wording import listed, number_of
 
@@ -19,6 +20,9 @@ _MOST_LINES = 40
 _three, _two = partial(significant, digits=3), partial(significant, digits=2)
 _fixed_two = "{:.2f}".format
 _signed = partial(significant, digits=2, sign=True)
+
+#: errors of an estimate that must not take the rest of a page with it
+ESTIMATION_ERRORS: Final = (RigctlError, ArithmeticError, MemoryError, ValueError)
 
 #: a model's gain below this share of the measured one is none
 _NO_GAIN = 1e-3
@@ -67,6 +71,11 @@ def shown_and_not(
     return shown, (Points.of("no response is shown", rest),) if rest else ()
 
 
+def not_estimated(error: Exception) -> str:
+    """Why there is no response, of an error while it was estimated; numpy raises others than ours."""
+    return str(error) if isinstance(error, RigctlError) else f"it could not be estimated: {error}"
+
+
 def frequency_evidence(one: FrequencyResponse) -> tuple[Block, ...]:
     """Every line, or a selection of many."""
     table = frequency_table(one)
@@ -79,7 +88,7 @@ def frequency_sentence(one: FrequencyResponse) -> Sentence:
     return Sentence(answer.sentence, answer.tone)
 
 
-def frequency_notes(one: FrequencyResponse) -> list[Block]:
+def frequency_notes(one: FrequencyResponse) -> list[Note]:
     """From what it was estimated."""
     return [Note(f"{head}: {text}") for head, text in frequency_answer(one).facts]
 

@@ -122,7 +122,9 @@ class Spectrum:
         return np.asarray(self.excited & (self.images > _IMAGE) & (self.images * beyond > _FOLDED * size))
 
 
-def estimate(signals: Sequence[Signals], resolution: float | None = None) -> Spectrum | None:
+def estimate(
+    signals: Sequence[Signals], resolution: float | None = None, like: Spectrum | None = None
+) -> Spectrum | None:
     """The response of every output to the first input, from all records together.
 
     Periodic records are divided into their periods if all have the same one, and no resolution is given;
@@ -133,13 +135,14 @@ def estimate(signals: Sequence[Signals], resolution: float | None = None) -> Spe
     signals: with equal numbers of inputs and outputs, and similar sampling intervals.
     resolution: distance between lines, Hz; by default as fine as 16 averages allow, with at most 2048 samples
         in a segment.
+    like: an earlier one of the same inputs and resolution: it has the periods, which take most of the time.
 
     Returns
     -------
     None if no record is long enough.
     """
     if resolution is None:
-        periods = [find_periods(one) for one in signals]
+        periods = [find_periods(one) for one in signals] if like is None else list(like.periods)
         known = [one for one in periods if one is not None]
         if len(known) == len(signals) and _same(known):
             lines = period_lines(signals, known)

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from rigctl.analysis.frequency_response import FrequencyResponse, responses_of_fit
 from rigctl.answers.blocks import Block, Details, Figure, Sentence
 from rigctl.answers.frequency_response import (
+    ESTIMATION_ERRORS,
     frequency_evidence,
     frequency_notes,
     frequency_sentence,
+    not_estimated,
     shown_and_not,
 )
 from rigctl.answers.numbers import symbol
-from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace
@@ -55,10 +56,8 @@ def frequency_of_model(fitted: FitResult, name: str) -> list[Section]:
         return []
     try:
         return frequency_sections(responses_of_fit(fitted, name), folded=True)
-    except (RigctlError, ArithmeticError, MemoryError, ValueError) as error:
-        # the page is about the fit, and must not be lost with a part of it; numpy raises the others
-        why = str(error) if isinstance(error, RigctlError) else f"it could not be estimated: {error}"
-        body = page_blocks([Sentence(why)])
+    except ESTIMATION_ERRORS as error:  # the page is about the fit, and must not be lost with a part of it
+        body = page_blocks([Sentence(not_estimated(error))])
         hint = "these records do not show one"
         return [Section("frequency", "Frequency response", body, folded=True, hint=hint)]
 

@@ -1,5 +1,6 @@
 // The workbench: a model on its runs, with its parameters as sliders and its effects as switches.
 import { api, button, command, complain, h, Refusal, say, work } from "./lib.js";
+import { makeBode } from "./workbench/bode.js";
 import { makeCurves } from "./workbench/curves.js";
 import { readFrame } from "./workbench/frames.js";
 import { history } from "./workbench/history.js";
@@ -314,6 +315,7 @@ const bench = (container, opened, { send, asked, desk }) => {
   };
 
   const curves = makeCurves(opened);
+  const bode = makeBode(opened, (asked) => send({ do: "frequency", seq: sequence, ...asked }));
   const title = h("h2", { class: "record" });
   const channelChoice = h("select", { id: "map-channel", onchange: () => ((channel = Number(channelChoice.value)), showChannel()) }, ...opened.channels.map((one, k) => h("option", { value: k }, one.title)));
   const map = makeMap(opened, (k) => {
@@ -409,7 +411,7 @@ const bench = (container, opened, { send, asked, desk }) => {
 
   container.replaceChildren(
     h("div", { class: "bench" },
-      h("div", { class: "sight", tabindex: 0, role: "region", "aria-label": "Curves" }, numbers, h("div", { class: "toolbar about" }, title, h("label", { for: "map-channel" }, "Channel"), channelChoice, status), curves.element),
+      h("div", { class: "sight", tabindex: 0, role: "region", "aria-label": "Curves" }, numbers, h("div", { class: "toolbar about" }, title, h("label", { for: "map-channel" }, "Channel"), channelChoice, status), curves.element, bode.element),
       h("aside", { class: "panel hands", "aria-label": "Sliders and switches" },
         h("div", { class: "toolbar" }, undo, redo, keep),
         commandPlace,
@@ -428,6 +430,8 @@ const bench = (container, opened, { send, asked, desk }) => {
   };
   const hear = (header, arrays) => {
     if (header.kind === "record" && header.record === shownRecord) curves.setRecord({ arrays });
+    // one of an older state than the sliders': a newer one is on its way
+    if (header.kind === "frequency" && !(header.exact && (header.seq ?? 0) < sequence)) bode.set(header, arrays, header.command);
     if (header.kind === "picture") {
       // also the first one, when steps are restored after a reload
       const stale = header.exact && (header.seq ?? 0) < sequence;
@@ -436,6 +440,7 @@ const bench = (container, opened, { send, asked, desk }) => {
         errors.bias = arrays.bias;
         if (channel === null) {
           channelChoice.value = channel = worst(header);
+          bode.suggest(opened.channels[channel].name);
           curves.choose(channel);
         }
         if (header.shown.includes(shownRecord)) curves.setPicture(arrays[`model ${shownRecord}`], arrays[`error ${shownRecord}`]);
@@ -518,6 +523,7 @@ const bench = (container, opened, { send, asked, desk }) => {
     close: () => {
       document.removeEventListener("keydown", keys);
       curves.remove();
+      bode.remove();
       clearTimeout(resting);
       keeping?.done();
       reloading?.();

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.frequency_response import moving_inputs
 from rigctl.answers.numbers import symbol
 from rigctl.model.fit.problem import Problem
 from rigctl.model.history.store import current_version
@@ -48,6 +49,7 @@ def opened_document(bench: Workbench) -> dict[str, Any]:
             }
             for name, unit in zip(measured.outputs, measured.units, strict=True)
         ],
+        "inputs": [] if measured.table else _moving(problem),
         "sliders": [one.document() for one in bench.sliders],
         "switches": [{**one.document(), "title": plain_name(one.name)} for one in bench.switches],
         "records": _records(problem, held_out),
@@ -63,6 +65,12 @@ def opened_document(bench: Workbench) -> dict[str, Any]:
 def state_document(state: State) -> dict[str, Any]:
     """A state in the form of the page."""
     return {"values": dict(state.values), "on": sorted(state.on)}
+
+
+def _moving(problem: Problem) -> list[dict[str, str]]:
+    """The inputs that move in any record."""
+    names = moving_inputs(problem, range(len(problem.records)))
+    return [{"name": name, "title": plain_name(name)} for name in names]
 
 
 def _difference_unit(unit: str) -> str:

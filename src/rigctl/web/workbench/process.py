@@ -23,6 +23,7 @@ from typing import Any
 from rigctl.command_line import DataOptions
 from rigctl.errors import RigctlError
 from rigctl.json_values import parse_json
+from rigctl.web.workbench.bode import Responses
 from rigctl.web.workbench.describe import (
     opened_document,
     picture_frame,
@@ -30,7 +31,7 @@ from rigctl.web.workbench.describe import (
     series_of,
     state_document,
 )
-from rigctl.workbench import State, Workbench
+from rigctl.workbench import Asked, Picture, State, Workbench
 from rigctl.workbench.session import Cancelled
 
 logger = logging.getLogger(__name__)
@@ -67,10 +68,12 @@ class _Session:
         self._waiting: deque[Mapping[str, Any]] = deque()
         self._moving: Mapping[str, Any] | None = None
         self._shown: tuple[int, ...] = (0,)
+        self._responses = Responses()
         self._arrival = threading.Condition()
         self._do: dict[str, Callable[[Mapping[str, Any]], None]] = {
             "open": self._open,
             "show": self._show,
+            "frequency": self._frequency,
             "settle": self._settle,
             "undo": self._undo,
             "redo": self._redo,
@@ -191,29 +194,49 @@ class _Session:
         self._send_document(opened_document(bench) | {"shown": list(self._shown)})
         for k in self._shown:
             self._send(BYTES + record_frame(bench, k))
-        header = self._header({}, bench.track.present)
-        self._send(BYTES + picture_frame(bench, bench.exact, self._shown, header))
+        self._responses.begin(self._shown)
+        self._send_picture(bench.exact, self._header({}, bench.track.present))
+
+    def _send_picture(self, picture: Picture, header: Mapping[str, Any]) -> None:
+        bench, asked = self._open_bench, self._responses.asked
+        self._send(BYTES + picture_frame(bench, picture, self._shown, header))
+        # a picture that was begun before the response was asked for may lack its records
+        if asked is not None and set(asked.records(bench)) <= set(picture.outputs):
+            self._send(BYTES + self._responses.frame(bench, picture, asked, header))
+
+    def _frequency(self, request: Mapping[str, Any]) -> None:
+        """Show a frequency response from now on, or none."""
+        bench = self._open_bench
+        if not request.get("open"):
+            self._responses.asked = None
+            return
+        source, channel = (str(request.get(key) or "") for key in ("input", "channel"))
+        asked = Asked(source, channel, None if request.get("every") else self._shown[0])
+        self._responses.asked = asked
+        header = self._header(request, bench.track.present)
+        self._send(BYTES + self._responses.frame(bench, bench.exact, asked, header))
 
     def _show(self, request: Mapping[str, Any]) -> None:
         bench = self._open_bench
         count = len(bench.problem.records)
         shown = tuple(int(k) for k in request.get("records") or () if 0 <= int(k) < count)
         self._shown = shown or (0,)
+        self._responses.follow(self._shown)
         for k in self._shown:
             self._send(BYTES + record_frame(bench, k))
-        self._send(
-            BYTES + picture_frame(bench, bench.exact, self._shown, self._header(request, bench.track.present))
-        )
+        self._send_picture(bench.exact, self._header(request, bench.track.present))
 
     def _follow(self, request: Mapping[str, Any]) -> None:
         bench = self._open_bench
         state = _state_of(bench, request)
         picture = bench.follow(state, self._drawn(bench))
-        self._send(BYTES + picture_frame(bench, picture, self._shown, self._header(request, state)))
+        self._send_picture(picture, self._header(request, state))
 
     def _drawn(self, bench: Workbench) -> list[int]:
         """The records behind the curves that are shown; of a table all rows of a curve."""
-        return [row for k in self._shown for row in series_of(bench.problem, k)]
+        behind = [row for k in self._shown for row in series_of(bench.problem, k)]
+        asked = self._responses.asked
+        return behind + ([] if asked is None else list(asked.records(bench)))
 
     def _settle(self, request: Mapping[str, Any]) -> None:
         self._open_bench.step(_state_of(self._open_bench, request))
@@ -248,14 +271,14 @@ class _Session:
             self._send_document({"kind": "state", "state": state_document(state)})
         header = self._header(request, state)
         at_once = bench.follow(state, self._drawn(bench), budget=math.inf)
-        self._send(BYTES + picture_frame(bench, at_once, self._shown, header))
+        self._send_picture(at_once, header)
         try:
             exact = bench.settle(state, wanted=self._idle)
         except Cancelled:
             return
         for k in self._shown:  # the readings that count, and their noise, can depend on the model
             self._send(BYTES + record_frame(bench, k))
-        self._send(BYTES + picture_frame(bench, exact, self._shown, header))
+        self._send_picture(exact, header)
 
     def _idle(self) -> bool:
         """Whether no waiting request can change the state."""
