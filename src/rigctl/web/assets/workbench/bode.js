@@ -95,7 +95,7 @@ export const makeBode = (opened, ask) => {
     }
     figure?.set(arrays);
     element.dataset.seq = header.seq ?? 0;
-    element.dataset.exact = header.exact ? "yes" : "no";
+    element.dataset.settled = header.exact ? "yes" : "no";
   };
   const known = (list, name) => (list.some((one) => one.name === name) ? name : "");
   chosen.input = known(opened.inputs, chosen.input);
