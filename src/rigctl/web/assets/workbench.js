@@ -4,31 +4,18 @@ import { makeBode } from "./workbench/bode.js";
 import { makeCurves } from "./workbench/curves.js";
 import { readFrame } from "./workbench/frames.js";
 import { history } from "./workbench/history.js";
+import { keeper } from "./workbench/kept.js";
 import { makeMap } from "./workbench/map.js";
 import { figure } from "./workbench/numbers.js";
 import * as results from "./workbench/results.js";
 import { makeSlider, makeSwitch } from "./workbench/sliders.js";
 
-const KEPT = "rigctl-workbench";
 const records = (count) => `${count} record${count === 1 ? "" : "s"}`;
 // ms between two moves that count as one step
 const TOGETHER = 250;
 // undo steps kept over a reload
 const MOST_STEPS = 50;
-const remembered = () => {
-  try {
-    return JSON.parse(sessionStorage.getItem(KEPT) ?? "null");
-  } catch {
-    return null;
-  }
-};
-const remember = (what) => {
-  try {
-    sessionStorage.setItem(KEPT, JSON.stringify(what));
-  } catch {
-    // without session storage it is lost at a reload
-  }
-};
+const { remembered, remember } = keeper("rigctl-workbench");
 
 // The socket to the process of this page: messages in order, answers by kind.
 const connect = (hear) => {

@@ -2,9 +2,11 @@
 import { command, h } from "../lib.js";
 import { plot } from "../plot.js";
 import { row } from "./frames.js";
+import { keeper } from "./kept.js";
 
-// What was chosen stays when another version of the model opens.
-const chosen = { open: false, every: false, input: "", channel: "" };
+// What was chosen stays when another version of the model opens, and over a reload.
+const { remembered, remember } = keeper("rigctl-workbench-response");
+const chosen = { open: false, every: false, input: "", channel: "", ...remembered() };
 
 const PIXELS = 112;
 const numbers = (_, values) => values.map((value) => (value === null ? null : String(Number(value.toPrecision(3)))));
@@ -46,7 +48,10 @@ const makeFigure = ({ caption, x, log, panels }) => {
 // `ask` sends what is chosen to the server, which answers with this and each further picture.
 export const makeBode = (opened, ask) => {
   const choices = (list) => list.map(({ name, title }) => h("option", { value: name }, title));
-  const again = () => ask({ ...chosen });
+  const again = () => {
+    remember(chosen);
+    ask({ ...chosen });
+  };
   const pick = (key, of) => (event) => {
     chosen[key] = of(event.target.value);
     again();
@@ -102,7 +107,7 @@ export const makeBode = (opened, ask) => {
   chosen.channel = known(opened.channels, chosen.channel);
   const toggled = () => {
     chosen.open = element.open;
-    if (opened.inputs.length) again();
+    again();
     if (!element.open) clear();
   };
   element.addEventListener("toggle", toggled);
