@@ -120,6 +120,23 @@ def test_windows_of_a_random_command_come_near_the_closed_form(name: str) -> Non
     assert inside.mean() > 0.9
 
 
+@pytest.mark.parametrize("periodic", [True, False])
+def test_what_an_earlier_estimate_knows_of_the_command_changes_nothing(*, periodic: bool) -> None:
+    command = multisine(range(1, 31), 10.0, 20.0, 4) if periodic else telegraph(1, 40.0, 0.13)
+    times = np.arange(0.0, 40.0, 0.05)
+    first, other = (
+        Signals(times, (command,), answer_to(command, RESPONSES[name][0], times)[:, None])
+        for name in RESPONSES
+    )
+    earlier, found = estimate([first]), estimate([other])
+    assert earlier is not None and found is not None and bool(found.periods) is periodic
+    again = estimate([other], like=earlier)
+    assert again is not None and again.periods == found.periods
+    for name in ("frequencies", "excited", "input_rms", "images"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+    np.testing.assert_array_equal(again.responses[0].gain, found.responses[0].gain)
+
+
 def test_h1_and_coherence_are_those_of_scipy() -> None:
     rng = np.random.default_rng(3)
     u = rng.standard_normal(6000)

@@ -30,7 +30,7 @@ const axis = (label, more = {}) => ({
   ...more,
 });
 
-// options: { height, series: [{ label, colour: 0, dash, width, points, size, unlisted }], bands: [{ between: [2, 3] }], logX, xLabel, yLabel, yRange, ySpace, hooks, legend, sync, describe }
+// options: { height, series: [{ label, colour: 0, dash, width, points, size, unlisted }], bands: [{ between: [2, 3] }], logX, xLabel, xValues, xFilter, yLabel, yRange, ySpace, hooks, legend, sync, describe }
 // Returns { element, set(data), remove() }; data as uPlot has it: [x, y1, y2 …].
 export const plot = (options) => {
   const figure = h("figure", { class: "curves", role: "img", "aria-label": options.describe ?? options.yLabel ?? "plot" });
@@ -56,7 +56,7 @@ export const plot = (options) => {
         width: Math.max(figure.clientWidth, 200),
         height: options.height ?? 220,
         scales: { x: { time: false, distr: options.logX ? 3 : 1, range: options.xRange }, y: { range: options.yRange } },
-        axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24, values: options.xValues ?? marks }), axis(options.yLabel, { size: 56, values: marks, ...(options.ySpace ? { space: options.ySpace } : {}) })],
+        axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24, values: options.xValues ?? marks, ...(options.xFilter ? { filter: options.xFilter } : {}) }), axis(options.yLabel, { size: 56, values: marks, ...(options.ySpace ? { space: options.ySpace } : {}) })],
         bands,
         series: [{ label: options.xName ?? "time", value: (_, value) => (value === null || value === undefined ? "–" : value.toFixed(2)) }, ...series],
         legend: { show: options.legend ?? series.length > 1, live: options.live ?? false },

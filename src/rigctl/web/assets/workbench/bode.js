@@ -10,6 +10,13 @@ const chosen = { open: false, every: false, input: "", channel: "", ...remembere
 
 const PIXELS = 112;
 const numbers = (_, values) => values.map((value) => (value === null ? null : String(Number(value.toPrecision(3)))));
+// The marks of a logarithmic axis that get numbers: 1, 2 and 5, of many decades 1 alone.
+const numbered = (_, marks) => {
+  const shown = marks.at(-1) > 1e3 * marks[0] ? [1] : [1, 2, 5];
+  return marks.map((mark) => (shown.includes(Math.round(mark / 10 ** Math.floor(Math.log10(mark) + 1e-9))) ? mark : null));
+};
+// The edges of an interval: two faint curves, of which only the first has a name.
+const bands = (traces) => traces.flatMap((one, k) => (k && one.faint && !one.name && traces[k - 1].faint ? [{ between: [k + 1, k] }] : []));
 
 // A plot of the report by uPlot: its panels under each other, over one axis.
 const makeFigure = ({ caption, x, log, panels }) => {
@@ -22,6 +29,8 @@ const makeFigure = ({ caption, x, log, panels }) => {
       xName: x,
       xLabel: last ? x : "",
       xValues: log ? numbers : undefined,
+      xFilter: log ? numbered : undefined,
+      bands: bands(panel.traces),
       yLabel: panel.title,
       yRange: panel.range ?? undefined,
       ySpace: 24,
