@@ -220,7 +220,17 @@ def test_a_lost_device_ends_the_run_and_is_named(lost: str, devices: SeveralDevi
     document = json.loads(done.stdout)
     assert done.exit_code == ExitCode.FAILED
     assert f"{lost}: no reading for" in document["reason"]
-    assert devices.circuit.off
+    # on a busy computer it may answer again only after the ending: that is said, and its guard goes on
+    assert devices.circuit.off or document["unconfirmed"].startswith(f"{lost}: {outputs[lost]}")
+    switched_off(devices)
+
+
+def switched_off(devices: SeveralDevices) -> None:
+    """Wait until the last output is off."""
+    latest = time.monotonic() + 60.0
+    while not devices.circuit.off:
+        assert time.monotonic() < latest, devices.circuit.outputs
+        time.sleep(0.05)
 
 
 def test_a_device_that_answers_after_seconds_delays_no_ending_of_the_others(
