@@ -7,6 +7,7 @@ the device has published the new state.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from threading import Condition
@@ -155,9 +156,9 @@ class MqttClient:
         return f"error {topics['state']} says {self._newest[topics['state']][1]!r} after {text} was set"
 
     def _value(self, topic: str) -> str:
-        """Return the number of a channel; ``nan`` if it is too old."""
-        fresh = time.monotonic() - self._newest[topic][0] <= self._max_age
-        return f"{self._number(topic):.15e}" if fresh else "nan"
+        """Return the number of a channel; ``nan`` if it is too old, or to come after a command."""
+        since, _ = self._newest.get(topic, (-math.inf, ""))
+        return f"{self._number(topic):.15e}" if time.monotonic() - since <= self._max_age else "nan"
 
     def _state(self, actuator: str) -> str:
         """Return the state of an actuator, as it was written if it is the same number."""
