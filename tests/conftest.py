@@ -7,14 +7,14 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Generator, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from filelock import FileLock
 from hypothesis import HealthCheck, settings
+
+from own_process import end_guards
 
 # The examples of `make test` are the same each time and have no deadline; `make explore` looks for new ones,
 # and what it finds is added as an `@example`.
@@ -224,18 +224,6 @@ def small_search() -> Iterator[None]:
         patch.setattr(rivals, "MOST_RIVALS", 3)
         patch.setattr(design, "DRAWS", 20)
         yield
-
-
-def end_guards(folder: Path) -> None:
-    """Take away the notices of guards that still try to reach a board that a test has closed."""
-    guards = folder / "rigctl" / "guards"
-    if not guards.exists():
-        return
-    for _ in range(20):  # a guard that yields may need a second notice
-        for notice in guards.glob("*.json"):
-            with suppress(OSError):
-                notice.unlink()
-        time.sleep(0.01)
 
 
 def wait_for_guards() -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+import own_process
 from patience import patient
 
 ROOT = Path(__file__).parents[2]
@@ -150,6 +151,7 @@ class Stand:
 
     def close(self) -> None:
         self.device.kill()
+        own_process.end_guards(self.folder / "state")  # what the device had not yet confirmed
         if self._broker is not None:
             self.stop_broker()
 
