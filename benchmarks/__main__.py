@@ -19,6 +19,8 @@ NAMES = (
     "board",
     "protocols",
     "endings",
+    "several_devices",
+    "several_devices.load",
     "catalogue",
     "serve",
     "tasks",

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.record import keep, table
+from benchmarks.several_devices import FOLDER
 from rigctl.files.shipped import shipped
 
-FOLDER = Path(__file__).parent
 sys.path.insert(0, str(FOLDER.parents[1] / "tests"))
 
-from own_process import begin, end_guards  # noqa: E402 - the tests' servers serve here, too
-from several_devices import SeveralDevices, patient_devices, served_devices  # noqa: E402
+from own_process import begin, end_guards
+from several_devices import SeveralDevices, patient_devices, served_devices
 
 ENDINGS = int(sys.argv[1]) if len(sys.argv) > 1 else 10
 OF = {"controller": "heater", "plant": "relief_valve", "meter": "cooler"}
