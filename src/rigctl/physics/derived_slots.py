@@ -11,7 +11,7 @@ With w the sum of the effects at a slot:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -61,25 +61,9 @@ def with_derived_slots(family: ModelFamily) -> ModelFamily:
             Slot(rate_slot(state.name), per_second(state.unit), f"at the balance of {state.name}")
             for state in balances
         ),
-        *(
-            Slot(input_slot(item.name), item.unit, f"beside what {item.name} is", shown=_shown(item))
-            for item in inputs
-        ),
-        *(
-            Slot(delay_slot(item.name), "s", f"until {item.name} acts", kind="command")
-            for item in inputs
-            if item.delay is None and family.states
-        ),
-        *(
-            Slot(
-                reading_slot(item.name),
-                item.unit,
-                f"beside what {item.name} is",
-                kind="sensor",
-                shown=_shown(item),
-            )
-            for item in family.outputs
-        ),
+        *_at_inputs(inputs),
+        *_until_acting(item for item in inputs if item.delay is None and family.states),
+        *_at_readings(family),
     )
     names = {slot.name for slot in slots}
     acting = frozenset(item.name for item in inputs)
@@ -180,6 +164,22 @@ class _Acting:
         return getattr(self._scope, name)
 
 
+def _at_inputs(inputs: Iterable[InputVariable]) -> Iterator[Slot]:
+    for one in inputs:
+        yield Slot(input_slot(one.name), one.unit, f"beside what {one.name} is", shown=_shown(one))
+
+
+def _until_acting(inputs: Iterable[InputVariable]) -> Iterator[Slot]:
+    for one in inputs:
+        yield Slot(delay_slot(one.name), "s", f"until {one.name} acts", kind="command")
+
+
+def _at_readings(family: ModelFamily) -> Iterator[Slot]:
+    for one in family.outputs:
+        name, meaning = reading_slot(one.name), f"beside what {one.name} is"
+        yield Slot(name, one.unit, meaning, kind="sensor", shown=_shown(one))
+
+
 def _delayed(item: InputVariable) -> InputVariable:
     return replace(item, delay=_Late(delay_slot(item.name)))
 
@@ -187,23 +187,7 @@ def _delayed(item: InputVariable) -> InputVariable:
 def with_edge_slots(family: ModelFamily) -> ModelFamily:
     """`family`, whose states an FMU computes, with slots at its inputs and its readings alone."""
     inputs = tuple(_delayed(item) for item in family.inputs)
-    slots = (
-        *(
-            Slot(input_slot(one.name), one.unit, f"beside what {one.name} is", shown=_shown(one))
-            for one in inputs
-        ),
-        *(Slot(delay_slot(one.name), "s", f"until {one.name} acts", kind="command") for one in inputs),
-        *(
-            Slot(
-                reading_slot(one.name),
-                one.unit,
-                f"beside what {one.name} is",
-                kind="sensor",
-                shown=_shown(one),
-            )
-            for one in family.outputs
-        ),
-    )
+    slots = (*_at_inputs(inputs), *_until_acting(inputs), *_at_readings(family))
     nothing: frozenset[str] = frozenset()
     outputs = tuple(
         replace(one, formula=_Plus(one.formula, reading_slot(one.name), nothing)) for one in family.outputs
