@@ -17,7 +17,7 @@ from rigctl.physics.formulas import reserved_names
 from rigctl.proposal.columns import Column, Role, Table
 from rigctl.proposal.draft import Draft, Formula, Input, Parameter
 from rigctl.proposal.from_columns import begin
-from rigctl.proposal.propose import FOLDERS, Proposal, file_texts
+from rigctl.proposal.propose import Proposal, file_texts, path_of
 from rigctl.proposal.roles import StatedRoles, with_roles
 from rigctl.proposal.write import amount_of, part, plain_or_quoted
 from rigctl.units import is_angle, is_speed_of_rotation, parse_unit
@@ -243,25 +243,12 @@ def propose_fmu(
     fmu: its path as the family file names it.
     own: columns that have their unit from the FMU.
     """
-    notes = _Notes(about.path.name, f"{FOLDERS['family']}/{name}.yaml")
+    notes = _Notes(about.path.name, path_of("family", name))
     for theirs in own:
         notes.add("log without unit", theirs)
     draft, lines = _drafted(name, about, fmu, table, pairs, notes)
-    paths, files = file_texts(name, table, draft, "\n".join(lines) + "\n")
-    return Proposal(
-        name,
-        None,
-        table,
-        draft,
-        paths["family"],
-        paths["rig"],
-        paths["model"],
-        paths["procedure"],
-        None,
-        files,
-        fmu=fmu,
-        notes=tuple(notes.lines()),
-    )
+    files = file_texts(name, table, draft, "\n".join(lines) + "\n")
+    return Proposal(name, None, table, draft, None, files, fmu=fmu, notes=tuple(notes.lines()))
 
 
 def _drafted(

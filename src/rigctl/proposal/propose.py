@@ -34,14 +34,35 @@ class Proposal:
     template: str | None
     table: Table
     draft: Draft
-    family: str
-    rig: str
-    model: str
-    procedure: str
     suggestion: Suggestion | None
     files: Mapping[str, str]
     fmu: str | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def family(self) -> str:
+        """The path of the family file, relative to the project; the others likewise."""
+        return path_of("family", self.name)
+
+    @property
+    def rig(self) -> str:
+        """The path of the rig file."""
+        return path_of("rig", self.name)
+
+    @property
+    def model(self) -> str:
+        """The path of the model file."""
+        return path_of("model", self.name)
+
+    @property
+    def procedure(self) -> str:
+        """The path of the procedure."""
+        return path_of("procedure", self.name)
+
+
+def path_of(kind: str, name: str) -> str:
+    """The path of a file of a bench, relative to the project."""
+    return f"{FOLDERS[kind]}/{name}.yaml"
 
 
 def find_template(name: str) -> str:
@@ -78,24 +99,13 @@ def propose(name: str, table: Table, template: str | None) -> Proposal:
     chosen = template or suggestion.template
     draft = _with_every_input(TEMPLATES[chosen].make(table), table)
     source = f"the template {chosen}" + (f", first values from {table.path.name}" if table.path else "")
-    paths, files = file_texts(name, table, draft, family_text(name, draft, source, table))
-    return Proposal(
-        name,
-        chosen,
-        table,
-        draft,
-        paths["family"],
-        paths["rig"],
-        paths["model"],
-        paths["procedure"],
-        suggestion,
-        files,
-    )
+    files = file_texts(name, table, draft, family_text(name, draft, source, table))
+    return Proposal(name, chosen, table, draft, suggestion, files)
 
 
-def file_texts(name: str, table: Table, draft: Draft, family: str) -> tuple[dict[str, str], dict[str, str]]:
-    """The path of each file by its kind, and the texts by path; `family` is the text of the family file."""
-    paths = {kind: f"{folder}/{name}.yaml" for kind, folder in FOLDERS.items()}
+def file_texts(name: str, table: Table, draft: Draft, family: str) -> dict[str, str]:
+    """The texts by path; `family` is the text of the family file."""
+    paths = {kind: path_of(kind, name) for kind in FOLDERS}
     log_format = log_format_text(paths["log format"], table)
     files = {
         paths["family"]: family,
@@ -107,7 +117,7 @@ def file_texts(name: str, table: Table, draft: Draft, family: str) -> tuple[dict
     }
     if log_format is not None:
         files[paths["log format"]] = log_format
-    return paths, files
+    return files
 
 
 def _with_every_input(draft: Draft, table: Table) -> Draft:
