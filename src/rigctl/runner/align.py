@@ -99,6 +99,8 @@ def align(rig: Rig, how: Launch) -> Alignment:
     """
     stated = stated_edge(rig)
     kept = _Kept()
+    # At the highest rate that a watched bench has: the interval of an edge is as wide as the period of the
+    # readings.
     sampled = rig.model_copy(update={"monitor_rate": _rate(rig)})
     plan = expand(parse_procedure(_steps(rig, stated), generated=True), sampled)
     with held(rig, "'rigctl doctor --align'", how) as lock, opened(sampled, how) as backend:
@@ -111,6 +113,7 @@ def align(rig: Rig, how: Launch) -> Alignment:
     offsets = {}
     for name in stated.channels:
         column = table[:, 2 + rig.layout.channels.index(name)]
+        # Each row is the reading of one device, and rows of a slow device arrive after later ones of others.
         read = np.flatnonzero(np.isfinite(column))
         read = read[np.argsort(table[read, 0], kind="stable")]
         offsets[name] = offset_of(name, table[read, 0], column[read], edges, stated.hold)

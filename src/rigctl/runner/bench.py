@@ -1,4 +1,15 @@
-"""The bench as steps see it: the newest readings, commands, and values known by name."""
+"""The bench as steps see it: the newest readings, commands, and values known by name.
+
+In: what steps ask for (`rigctl.plan.behaviour.StepBench`), and what the backend reports. Out: commands to the
+backend, events in the log, and the answer to one question that every ending depends on: which outputs may be
+on. Between the two this class keeps the state that a backend does not have: which commands are unanswered,
+which pulses are in progress, when an actuator may be switched again.
+
+An output is believed to be safe only where the bench has said so. From the moment a command other than
+the safe value is sent it is in doubt (`doubtful`), until its receipt arrives; if the bench goes out of
+reach, what is on or in doubt is what the run reports as unconfirmed. All of this is used by the main
+loop's thread alone. See docs/decisions/0137-only-read-back-outputs-are-safe.md and 0046, 0146.
+"""
 
 from __future__ import annotations
 
@@ -113,6 +124,8 @@ class Bench:
         At 10 Hz a rod travels 15 mm between two samples, further than from its limit to its end stop.
         """
         known = {**self.commanded, **self.doubtful}
+        # A command without an answer counts as carried out: a valve that may be open is watched as an open
+        # one.
         moving = any(known.get(name, rest) != rest for name, rest in self._resting.items())
         rate = max(self.rig.monitor_rate, self.rig.moving_rate) if moving else self.rig.monitor_rate
         return max(rate, self.needed_rate)
@@ -125,6 +138,7 @@ class Bench:
         RigctlError
             the bench cannot be read so often; nothing has changed.
         """
+        # The need is kept while the bench is out of reach: `make_safe` applies it once it is back.
         before, self.needed_rate = self.needed_rate, rate
         if not self.reachable:
             return
@@ -155,6 +169,8 @@ class Bench:
                 self.read_at.get(one, -1.0) >= self._changed for one in awaited if one not in self.absent
             )
 
+        # The age of a row counts from the last command on: one that was taken earlier shows the bench as it
+        # was.
         row = self.newest if self.newest is not None and self.newest[0] >= self._changed else None
         while row is None or not known(row):
             row = yield Until(when=known, on_pause=OnPause.KEEP)
@@ -220,15 +236,20 @@ class Bench:
         method continues.
         """
         while True:
+            # Anew in each round: if outputs were made safe while contact was lost, the rest of the actuator
+            # began anew.
             ready = self.rested_at(actuator, value)
             while self.now < ready:
                 yield Until(ready)
+            # One command at a time to each actuator: `_sent` has one entry for it.
             yield from self.settled(actuator)
             with suppress(OutOfReach):
                 sent = self.send(actuator, value, duration)
                 yield from self.settled(actuator)
                 if sent.receipt is not None:
                     return sent.receipt
+            # Out of reach, or not answered. The next sample is the sign that contact is there again; before
+            # it arrives here, `Sampling` has decided what the loss means for the run, and may end this wait.
             yield Until(when=every_sample)
 
     def send(self, actuator: str, value: float, duration: float | None = None) -> PendingCommand:
@@ -243,6 +264,8 @@ class Bench:
             contact is lost for the moment.
         """
         timed = duration is not None and self.backend.timed
+        # Marked as doubtful before it is sent: if the call fails half-way, the command may still have
+        # arrived.
         if value != self.safe_value(actuator):
             self.doubtful[actuator] = value  # until it is answered, however the call ends
         try:
@@ -252,6 +275,7 @@ class Bench:
             raise
         self._sent[actuator] = (sent, duration)
         self.take_receipts()  # earlier events of the bench come first
+        # A backend in memory has answered already.
         self.take_answers()
         self._keep_watch()
         return sent
@@ -278,6 +302,7 @@ class Bench:
         actuator = receipt.actuator
         self.doubtful.pop(actuator, None)
         self.pulses.pop(actuator, None)
+        # The bench may have reported the end of a short pulse before the receipt of its beginning.
         if duration is not None and receipt.time >= self._known.get(actuator, -math.inf):  # not over yet
             self.pulses[actuator] = Pulse(receipt.time + duration, receipt.value)
         self._switched(receipt)
@@ -332,6 +357,8 @@ class Bench:
             self.pulses.pop(actuator, None)
             yield from self.settled(actuator)
             return
+        # A bench that times its pulses reports the end by a receipt (`take_receipts`). If that does not come,
+        # the host switches back: a lost report must not leave the output on, or the step waiting.
         give_up = pulse.end + self.rig.stale_after
         while actuator in self.pulses:
             if self.now >= give_up:
@@ -353,6 +380,9 @@ class Bench:
     def regulate(self, loop: LoopSettings) -> Waiting:
         """Let the bench itself start a closed loop, and wait for its confirmation."""
         yield from self.settled(loop.actuator)
+        # From here on the output changes without commands: it is in doubt by its highest value, and stays
+        # among `_loops` until its end was confirmed, so that even a confirmed safe value proves nothing about
+        # it.
         self.doubtful[loop.actuator] = loop.high  # until it is answered, however the call ends
         self._loops.add(loop.actuator)
         yield from self._request(loop.actuator, lambda bench: bench.regulate(loop))
@@ -369,6 +399,7 @@ class Bench:
         yield from self.settled(actuator)
         self.doubtful[actuator] = self.commanded.get(actuator, self.safe_value(actuator))  # until answered
         yield from self._request(actuator, lambda bench: bench.stop_regulating(actuator))
+        # Only a confirmed end: otherwise the loop may still be driving its output.
         if self.reachable and actuator not in self.doubtful:
             self._loops.discard(actuator)
 
@@ -395,10 +426,12 @@ class Bench:
 
         Commands that did not arrive are not logged as given.
         """
+        # First, whatever comes: nothing may switch an output back to a pulse's value, or wait for its end.
         self.pulses.clear()
         try:
             self.backend.safe()
         except Exception as error:  # noqa: BLE001 - whatever it is, an ending continues
+            # What is known now is only what this attempt has found out; an earlier one may be out of date.
             self._confirmed = frozenset()
             if isinstance(error, OutputsNotSafe):  # also outputs whose last command was the safe value
                 self.doubtful |= error.outputs
@@ -406,6 +439,7 @@ class Bench:
                 self._confirmed = error.confirmed
                 if error.confirmed:
                     self._note_safe(error.confirmed, reason)
+            # Said once for each loss: `make_safe` is called again and again while the bench is looked for.
             if self.reachable:
                 self.event("fault", f"outputs could not be made safe from here: {error}")
             self.reachable = False
@@ -415,8 +449,11 @@ class Bench:
         self.reachable, self._unseen_since = True, None
         self.doubtful.clear()
         self._loops.clear()
+        # The backend drops what is open before it sends the safe commands, so that none can arrive after
+        # them.
         self._sent.clear()  # pending commands are dropped, or have been carried out
         self._note_safe(self.rig.safe_state, reason)
+        # The safe state is reached already; a rate that cannot be changed is no reason to report otherwise.
         try:
             self._keep_watch()
         except RigctlError as error:
@@ -428,6 +465,8 @@ class Bench:
             self.doubtful.pop(name, None)
             self._loops.discard(name)
             self._sent.pop(name, None)
+        # Switches that the bench has reported itself have their exact times; only those that it has not are
+        # logged here with the present time.
         self.take_receipts()
         for actuator, value in self.rig.safe_state.items():
             changed = self.commanded.get(actuator) != float(value)
@@ -458,8 +497,12 @@ class Bench:
         commanded since, unless the bench itself commands it in a closed loop, or its device may have switched
         it on by restarting. Such outputs are named if no other of their device is in doubt.
         """
+        # The last attempt to make outputs safe, if there was any, has succeeded.
         if self.reachable:
             return None
+        # Two lists: what is or may be on, and what only a restart out of sight may have switched on. The
+        # latter is named only for devices of which nothing is in the former, as somebody has to go to those
+        # anyway.
         doubts = self._doubts
         devices = {self.rig.device_of(name) for name in doubts}
         others = ", ".join(
@@ -491,6 +534,7 @@ class Bench:
     def never_confirmed(self) -> str | None:
         """The outputs driven by this run whose safe state nothing can confirm, as in `unconfirmed`: the bench
         neither reports them nor answers their commands."""
+        # `outputs_read`: its state is in the samples. `outputs_answered`: its commands are acknowledged.
         known = self.backend.outputs_read | self.backend.outputs_answered
         doubted = self._doubts.keys()  # named by `unconfirmed`
         return self._shown(
@@ -535,6 +579,7 @@ class Bench:
             yield Until(ready)
         actuators = self.rig.actuators
         driven = {name: value for name, value in commands.items() if actuators[name].by == "driven"}
+        # Outputs with a `max_rate` must not jump: they approach their values once the others have theirs.
         gradual = {name: value for name, value in driven.items() if actuators[name].max_rate is not None}
         at_once = {name: value for name, value in driven.items() if name not in gradual}
         with suppress(OutOfReach):
@@ -556,7 +601,10 @@ class Bench:
     def _switched(self, receipt: CommandReceipt, message: str = "") -> None:
         """Log a switch; one older than the known state does not change it."""
         name, latest = receipt.actuator, receipt.time + receipt.uncertainty
+        # Receipts may arrive out of order: the end of a pulse before its beginning, or an answer after a
+        # switch that the bench has made on its own.
         if latest >= self._known.get(name, -math.inf):
+            # A repeated command of the same value wears nothing, and starts no new rest.
             if self.commanded.get(name) != receipt.value:
                 self._switches[name] = latest
             self.commanded[name] = receipt.value
@@ -585,6 +633,7 @@ class Bench:
         StepFailed
             the operator is gone, and outputs have been on for as long as the rig file allows then.
         """
+        # Shown once; then the operator is asked again and again, since neither may block.
         self.request(question)
         attendance = Attendance(self)
         try:

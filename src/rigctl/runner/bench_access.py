@@ -1,5 +1,9 @@
 """A way to a bench: which backend, with which options, on which clock; its lock, and the open bench.
 
+In: a rig, and what a command line says of its bench. Out: the lock of every address (`held`) and the open
+backend (`opened`), each as a context manager that gives it back whatever happens. The lock comes first:
+opening a port restarts many boards, which must not happen to a bench that another program is using.
+
 Imports little: `rigctl off` must not wait for the modules that carry out a procedure.
 """
 
@@ -93,6 +97,8 @@ def bench_options(
         "run": recording,
         "clear_trips": clear_trips or None,
     }
+    # An option that a backend would ignore is refused: whoever passes `--seed` to a real bench expects an
+    # effect.
     accepted = {
         "simulated": ("seed",),
         "replay": ("run",),
@@ -153,6 +159,7 @@ def opened(rig: Rig, how: Access) -> Iterator[Backend]:
             backend.open()
             yield backend
         finally:
+            # Also after a failed opening, which may have left a port, a guard or a thread behind.
             backend.close()
 
 

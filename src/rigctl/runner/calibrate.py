@@ -1,4 +1,9 @@
-"""Takes the points of a calibration: the operator types the reference value, the bench is read."""
+"""Takes the points of a calibration: the operator types the reference value, the bench is read.
+
+In: an open operator and a channel. Out: points, each a reference value and the raw readings taken at it,
+for `rigctl.rig.calibration_fit`. Raw values are recovered from the calibrated ones by the calibration in
+force, so that every backend can be calibrated without a second way of reading it.
+"""
 
 from __future__ import annotations
 
@@ -113,8 +118,11 @@ def take_points(
     column = rig.layout.channels.index(name)
     question = series.question
     with closing(watch(rig, how, rate)) as samples:
+        # The bench is read whether or not a point is being taken: the operator sees alarms, and silence ends
+        # the series.
         for reading in samples:
             _sound(reading, report)
+            # Samples count only from the answer on; the operator has waited until the reference was steady.
             if series.reference is not None:
                 series.take(reading.sample.read.values[column])
                 question = series.question
@@ -150,6 +158,7 @@ def points_of_run(run: Run, rig: Rig, name: str, against: str) -> list[Point]:
     before, now = parse_rig(run.header.rig.text).channels, rig.channels[name]
     if name not in before:
         raise unknown_name("channel of the run", name, before)
+    # The converter must be the same, as raw values are what is calibrated; the calibration may have changed.
     then = before[name]
     if then.raw != now.raw:
         raise RigctlError(f"the converter of '{name}' is another one than in this run", value=run.id)

@@ -45,7 +45,10 @@ class _OfDevice:
     def lacks(self, now: float) -> list[Lack]:
         """Return what is missing at `now`, s: samples, then the readings of each channel."""
         found = []
+        # Samples of the last moments may be on their way. Later ones than the newest are owed only if they
+        # are overdue.
         seen_until = max(self._newest, now - _LATE - _LATE_PERIODS / self._rate)
+        # Rounded: the grid of the device jitters, and its clock is not exactly ours.
         due = int((seen_until - self._first) * self._rate + 0.5) + bool(self._rows)
         if due > self._rows:
             found.append(Lack(self._named, due - self._rows, due))

@@ -90,6 +90,7 @@ def offset_of(channel: str, times: Floats, values: Floats, edges: Sequence[Edge]
         raise _unmeasured(
             f"{channel} shows {len(found)} of {len(edges)} edges clearly{off}", "one jump for each edge"
         )
+    # One reading on its way may be an average over the edge; more of them are a response that takes time.
     if np.mean([_on_its_way(times, shares, edge, hold) for edge in edges]) > 1.0:
         raise _unmeasured(
             f"{channel} responds gradually, and how late its readings are cannot be told from that",
@@ -139,6 +140,7 @@ def _interval(times: Floats, shares: Floats, edge: Edge, hold: float) -> tuple[f
     at, share = _near(times, shares, edge, hold)
     after = share >= 0.5
     first = int(np.argmax(after)) if after.any() else 0
+    # Not seen at all, or more than one jump near this edge: a bouncing contact says nothing about the clock.
     if first == 0 or not after[first:].all():
         return None
     return edge.earliest - float(at[first]), edge.latest - float(at[first - 1])

@@ -1,7 +1,18 @@
 """Interlocks: limits, impossible values and silence, checked on every sample; no input or output here.
 
-The rig file's limits become small watches. A row inside every band takes about a microsecond, which makes it
-possible to check every sample.
+In: the limits of the rig file, and each row as the bench read it. Out: alarms; what they do to a run is up to
+`rigctl.runner.sampling`. The rig file's limits become small watches, grouped by device, since a channel is
+checked at its own readings only: a value that is repeated between them would look like a sensor that stands
+still, and its rate of change would be wrong.
+
+A row inside every band takes about a microsecond, which makes it possible to check every sample:
+`_Group.check` compares the row with one band for each column first, and visits the watches only if a
+value is outside, or if one of them has something pending.
+
+Every kind of watch exists because another kind does not see the fault: `Watch` (a value, or its rate,
+outside a band for long enough), `Disturbance` (far too noisy), `Standstill` (exactly the same value),
+`Return` (a tripped limit that cleanup drives further away from), and the silence of the bench or of a
+device.
 """
 
 from __future__ import annotations
@@ -120,9 +131,11 @@ class Watch:
         return self._inside(time, value)
 
     def _outside(self, time: float, value: float) -> Alarm | None:
+        # A single reading outside begins `REARM` anew, and so does not clear an alarm that comes and goes.
         self.inside_since = None
         self.excess = max(value - self.high, self.low - value)
         persists = self.persistence.outside(time)
+        # Latched: it is raised once, and counts as raised until it has been inside for `REARM` s.
         if self.raised is not None or not persists:
             return None
         message = self.describe(value)
@@ -179,6 +192,8 @@ class Return:
         """Take the next sample, which the watch has processed; `driven`: an output is on again that was on
         when the limit tripped."""
         watch = self.watch
+        # Nothing to judge: not tripped, inside the limit again, or all outputs off. The comparison begins
+        # anew.
         if watch.raised is None or watch.persistence.since is None or not driven:
             self._before, self._count = math.inf, 0
             return None
@@ -187,6 +202,7 @@ class Return:
         self._sum, self._count = self._sum + watch.excess, self._count + 1
         if time - self._since < _RETURN - _SLACK:
             return None
+        # The first mean is compared with infinity: it takes two, 10 s, before the limit trips again.
         mean, before = self._sum / self._count, self._before
         self._before, self._count = mean, 0
         if mean < before:
@@ -216,6 +232,7 @@ class Disturbance:
         bend = abs(value - 2.0 * self.past + self.before)
         self.before, self.past = self.past, value
         self.history = (self.history << 1 | (bend > self.threshold)) & _NOISE_MASK
+        # Cleared only when all of the last `_NOISE_SAMPLES` were quiet.
         if self.raised:
             self.raised = self.history > 0
             return None
@@ -288,8 +305,12 @@ class _Group:
 
     def check(self, row: tuple[float, ...], possible_readings: PossibleReadings) -> Sequence[Alarm]:
         """Check a row, without the exceptions for cleanup after a trip."""
+        # NaN is in no band, so that a missing value is never taken for one inside.
         inside = all(low <= row[column] <= high for column, low, high in self.bands)
+        # Impossible readings lie outside their sensor's watch, hence outside the bands: only then the row is
+        # copied.
         possible = row if inside else possible_readings.of(row)
+        # Noise and standstill are the two that need every value, also those inside all bands.
         noisy = [
             alarm
             for watch in self.noise
@@ -297,12 +318,14 @@ class _Group:
         ]
         if self.still:
             noisy += [alarm for watch in self.still if (alarm := watch.update(possible)) is not None]
+        # The usual end: nothing is outside, and no watch counts time outside or an alarm to clear.
         if inside and not self.busy:
             rates = [alarm for watch in self.rates if (alarm := watch.take(row, row)) is not None]
             return noisy + rates if rates else noisy
         alarms = [
             alarm for watch in (*self.values, *self.rates) if (alarm := watch.take(row, possible)) is not None
         ]
+        # Rates are not asked: they are taken at every row anyway.
         self.busy = not all(watch.calm for watch in self.values)
         return noisy + alarms
 
@@ -334,16 +357,20 @@ class Interlocks:
     def check(self, row: tuple[float, ...], device: str = "") -> Sequence[Alarm]:
         """The alarms that the reading of a device raises or clears; almost always none."""
         group = self._groups[device]
+        # Any reading ends a silence, and the next one will alarm again.
         self._silent = False
         if device:
             self._heard[device] = row[0]
             self.silent_devices.discard(device)
         alarms = group.check(row, self._possible)
+        # After the first limit that stopped the run: cleanup is in progress, and may have to drive away from
+        # it.
         if self._driving is not None:
             # an output that was off may be switched on: a cooling pump may take longer than `_RETURN` to act
             driven = not self._driving.items().isdisjoint(self._driven(row).items())
             returns = (one.update(row[0], row[one.watch.column], driven=driven) for one in group.returns)
             return [*alarms, *(alarm for alarm in returns if alarm is not None)]
+        # Which outputs were on at that moment, and to which side: these are the ones that may have caused it.
         if any(alarm.active and alarm.action == "stop" for alarm in alarms):
             self._driving = self._driven(row)
         return alarms
@@ -359,6 +386,8 @@ class Interlocks:
     def check_arming(self, rows: Sequence[tuple[float, ...]]) -> list[Alarm]:
         """The alarms that forbid arming: a sensor without a value in most of `rows`, and a limit with action
         stop that is exceeded in most of those with a value."""
+        # By majority: one disturbed reading must neither forbid arming nor, being the only good one, allow
+        # it.
         possible = [self._possible.of(row) for row in rows]
         alarms = []
         for watch in (watch for group in self._groups.values() for watch in group.values):
@@ -382,6 +411,7 @@ class Interlocks:
         newest: s, time of the newest sample, or when sampling was started.
         period: s between samples; a slow rate is not silence.
         """
+        # Once for each silence: `check` ends it.
         if self._silent or now - newest < self.silence_limit(period) - _SLACK:
             return None
         self._silent = True
@@ -400,6 +430,8 @@ class Interlocks:
         """
         for device in self._rig.devices:
             limit = self._rig.silence_limit(device, rate)
+            # The silence is counted from now: what was on time at the old rate would be too late at the new
+            # one.
             if limit < self._limits.get(device, 0.0):  # it is read more often from now on
                 self._heard[device] = now
             self._limits[device] = limit

@@ -1,4 +1,9 @@
-"""From a plan to a run: opens the bench, makes the folder, takes the lock; releases everything at the end."""
+"""From a plan to a run: opens the bench, makes the folder, takes the lock; releases everything at the end.
+
+In: a plan and a `Launch`. Out: the result of the run, whose data are in a new folder. Whatever can be refused
+is refused before the bench is opened, and the bench is opened before the folder is made: a run that could not
+begin leaves nothing behind.
+"""
 
 from __future__ import annotations
 
@@ -80,6 +85,7 @@ def launch(plan: Plan, how: Launch) -> RunResult:
         something that the procedure requires was not given, the bench cannot be reached or is in use, cannot
         be read as fast as a record requires, or the run's folder cannot be made; nothing has moved.
     """
+    # What needs no bench is checked first; then the lock, as a bench in use must not be opened.
     _require_identity(plan, how)
     refuse_rates(plan, how.backend, how.options)
     refuse_needed(plan)
@@ -107,6 +113,7 @@ def carry_out(
     """Run a plan on an open bench, with a writer for its folder."""
     controls = list(how.controls)
     if lock is not None:
+        # Now that there is a folder, other programs can find the run by the lock, and ask it to end.
         lock.take_for(writer.folder)
         controls.append(beside(lock, backend.clock))
     real = math.isfinite(backend.clock.speed)  # nobody waits for a disk in virtual time

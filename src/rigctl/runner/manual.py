@@ -1,4 +1,9 @@
-"""Manual operation: one actuator is moved, the channels are watched. Nothing is recorded."""
+"""Manual operation: one actuator is moved, the channels are watched. Nothing is recorded.
+
+`jog` makes a procedure of one or two steps and gives it to the same `run` as any other, so that limits,
+locks, endings and the safe state hold by hand too; only its recorder keeps nothing. `watch` moves nothing
+and has no steps: it is a loop of its own over samples and interlocks, as there is nothing to walk.
+"""
 
 from __future__ import annotations
 
@@ -139,9 +144,12 @@ def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
         interlocks = Interlocks(rig)
         clock = backend.clock
         backend.start(rate)
+        # From here on as `rigctl.runner.sampling`, without journal and steps: a sample, its alarms, or a
+        # silence.
         newest = began = clock.now()
         read_at: dict[str, float] = {}  # s, time of each device's newest reading
         while not signals.count:
+            # The heartbeat comes from this loop, as in a run: a program that hangs must not keep the bench.
             if lock is not None:
                 lock.beat()
                 if lock.poll():

@@ -72,10 +72,12 @@ class Persistence:
         """Add a reading, and forget those before the window; returns its length, s."""
         recent = self._recent
         step = time - recent[-1][0] if recent else 0.0
+        # The previous reading holds until this one: its interval counts as it was.
         if recent and recent[-1][1]:
             self._time_outside += step
         recent.append((time, outside))
         self._outside += outside
+        # Of slow readings so many are taken that a share means something.
         window = max(self.window, _READINGS * step)
         begin = time - window - _SLACK
         while recent[0][0] < begin:
@@ -83,6 +85,7 @@ class Persistence:
             self._outside -= was_outside
             if was_outside:
                 self._time_outside -= recent[0][0] - then
+        # Calm again: as long as everything is inside, nothing is kept and nothing computed.
         if not self._outside:
             recent.clear()
             self._time_outside = 0.0

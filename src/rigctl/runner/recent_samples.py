@@ -75,6 +75,7 @@ class History:
         """Keep one sample of a device."""
         kept = self._devices[device]
         kept.add(row)
+        # Not at each sample: removing from the front of an array moves all that follows.
         if self._record_start is None and len(kept) > _SPARE:
             kept.forget(row[0] - self._window)
 
@@ -105,6 +106,7 @@ class History:
     def lack(self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None, now: float) -> Lack:
         """How many readings of the stretch the statistics leave out, of the worst channel."""
         start = self._start_of(stretch, window, now)
+        # Where nothing is missing, the device with most readings in the stretch tells how many there were.
         counts = [len(kept) - kept.first_at(start - _SLACK) for kept in self._devices.values()]
         found = Lack("readings", 0, max(counts))
         for name in {statistic.channel for statistic in wanted}:

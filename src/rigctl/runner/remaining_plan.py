@@ -1,4 +1,10 @@
-"""The parts of a plan that are left to do, and the preceding steps that have to be repeated."""
+"""The parts of a plan that are left to do, and the preceding steps that have to be repeated.
+
+Used in two places: when a run is resumed (what earlier sessions have completed is left out), and when a
+record is measured again after a loss. In both outputs were off meanwhile, so that the record would begin
+in another state than the procedure asks for: the steps that set it up are done again, but no more than
+those.
+"""
 
 from __future__ import annotations
 
@@ -49,9 +55,13 @@ def remaining(nodes: Sequence[Node], done: Callable[[str], bool]) -> list[Node]:
     records = [[done(path) for path in record_paths(node)] for node in nodes]
     if not any(any(states) for states in records):
         return list(nodes)
+    # `first`: the first child with a record that is left. What comes before it is done.
     first = next((i for i, states in enumerate(records) if states and not all(states)), len(nodes))
+    # A loop or a group of which some records are done. Its own set-up is found when its children are looked
+    # at in the same way; from here only what lasts is needed.
     if first < len(nodes) and any(records[first]):  # its own first steps are past too
         return [*_lasting(nodes[:first]), *nodes[first:]]
+    # Steps after the last complete record, and those of before whose setting is still in force.
     return [*setup_before(nodes, first), *nodes[first:]]
 
 
@@ -73,6 +83,7 @@ def _lasting(nodes: Sequence[Node], later: Sequence[Node] = ()) -> list[Node]:
     for node in later:
         settled |= _sets(node)
     steps: list[Node] = []
+    # From the end, so that the last setting of each actuator wins, in the order of the procedure.
     for node in reversed(nodes):
         wanted = _sets(node) - settled
         if wanted:

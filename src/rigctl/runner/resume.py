@@ -47,8 +47,11 @@ def open_interrupted(folder: Path) -> Interrupted:
     RigctlError
         it is finished or in progress; its procedure or rig file has changed since; its log is damaged.
     """
+    # First, as `recovered_history` may rewrite the files, which belong to a run that is still going on.
     if in_progress(folder):
         raise RigctlError("the run is in progress", value=folder.name, exit_code=ExitCode.FAILED)
+    # After a kill there is only the journal and the log; this makes the tables of them, and tells what is
+    # complete.
     history = recovered_history(folder)
     if history.header.source != "bench":
         raise RigctlError("the run was imported, not carried out", value=folder.name)
@@ -78,6 +81,8 @@ def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
     """
     plan = run_before.plan
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
+        # The same run with a new session: times, versions and calibrations are those of today, the id is the
+        # old one.
         header = replace(header_of(plan, backend, how), id=run_before.history.header.id)
         _require_same_bench(run_before.history.header.backend, header.backend)
         writer = RunWriter.reopen(run_before.folder, header)
@@ -101,6 +106,8 @@ def _same_rig(header: RunHeader) -> Rig:
     recorded = header.rig
     path = Path(recorded.path)
     rig = load_rig(path)
+    # By checksum of the whole file: which change is harmless cannot be told, and a mixed run would be
+    # worthless.
     if rig.sha256 != recorded.sha256:
         raise _changed("rig", path)
     return rig
@@ -113,6 +120,7 @@ def _same_plan(header: RunHeader, rig: Rig) -> Plan:
     if procedure.sha256 != recorded.sha256:
         raise _changed("procedure", path)
     plan = expand(procedure, rig, dict(header.arguments))
+    # The file may be unchanged while a procedure that it calls, or what rigctl makes of it, is not.
     if plan.digest != header.plan_digest:
         raise _changed("a procedure that it calls, or rigctl itself,", path)
     return plan
@@ -127,6 +135,7 @@ def _changed(what: str, path: Path) -> RigctlError:
 
 
 def _done(history: History) -> Resume:
+    # A damaged or interrupted record is measured again, though its samples are kept.
     completed = frozenset(record.path for record in history.records if record.outcome == COMPLETE)
     measures = dict(history.measures)
     for record in history.records:
@@ -134,6 +143,7 @@ def _done(history: History) -> Resume:
     values = {
         name: (measured.value, measured.unit, measured.difference) for name, measured in measures.items()
     }
+    # What a record that is measured again has missed is not held against the device.
     done = [
         measure
         for measure in judge(history).missed

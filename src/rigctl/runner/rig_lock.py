@@ -2,6 +2,14 @@
 
 The owner is written to a small file in the user's state folder. A program that finds a dead owner, or one
 with an old heartbeat, takes the bench over; the former owner, if it was only suspended, notices and ends.
+
+Two locks are involved, and they protect different things. The owner's file says who may command the
+bench, for as long as a run takes; a lock of the operating system would not show who that is, and could
+not be taken from a program that hangs. A `FileLock` beside it is held only while the file is read and
+written, so that two programs cannot both find the bench free.
+
+`RigLock` is for one address and is used by one thread; `BenchLock` takes those of all devices. Why addresses
+and not names are locked: docs/decisions/0138-locks-are-on-addresses.md.
 """
 
 from __future__ import annotations
@@ -61,6 +69,7 @@ class Owner:
         """
         if self.host != platform.node():
             return abs(time.time() - self.date) < OLD
+        # Negative after a restart of the computer, when monotonic time has begun again: the owner is gone.
         age = time.monotonic() - self.beat
         return 0.0 <= age < OLD and process_exists(self.pid)
 
@@ -104,6 +113,7 @@ class RigLock:
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._guard():
+                # Read and written under one guard: between the two no other program can take the bench.
                 owner = read_owner(self._path)
                 if owner is not None and owner.alive and not self._at_any_cost:
                     other = f", as '{owner.rig}'," if owner.rig != self._rig else ""
@@ -123,6 +133,7 @@ class RigLock:
                 hint="Make that folder writable; without a lock two programs could command one bench",
                 exit_code=ExitCode.FAILED,
             ) from problem
+        # Only now: what was not taken must not be released.
         self._held = True
         return self
 
@@ -135,12 +146,14 @@ class RigLock:
         self._held = False
         with suppress(Exception), self._guard():
             owner = read_owner(self._path)
+            # The file may belong to a program that has taken the bench over meanwhile.
             if owner is not None and owner.token == self._token:
                 self._path.unlink()
 
     def poll(self) -> Sequence[Order]:
         """The order to end when another program has taken the bench over."""
         if self._lost:
+            # Said once; the run ends by it.
             self._lost = False
             return (Order(Request.ABORT, "another program that has taken the bench over"),)
         return ()
@@ -157,11 +170,14 @@ class RigLock:
         now = time.monotonic()
         if not self._held or now < self._next_beat:
             return
+        # Set before the attempt: a disk that refuses is tried again at the next beat, not at each call.
         self._next_beat = now + _BEAT
         with suppress(OSError), self._guard():  # a full disk must not end a run; the owner's process is seen
             owner = read_owner(self._path)
             # a file that is gone was taken over, and given back since
             gone = not self._path.exists()
+            # Held no longer: nothing is written over the new owner, and `__exit__` leaves its file alone. A
+            # file that cannot be read is none of these cases, and is written again.
             if gone or (owner is not None and owner.token != self._token):
                 self._lost, self._held = True, False
             else:
@@ -200,6 +216,7 @@ class RigLock:
             date=time.time(),
             run=str(self._run.absolute()) if self._run is not None else "",
         )
+        # Replaced as a whole: `read_owner` of other programs takes no lock, and must never see half a file.
         draft = self._path.with_suffix(".tmp")
         draft.write_text(json.dumps(asdict(owner)), encoding="utf-8", newline="\n")
         replace_file(draft, self._path, _PATIENCE)
@@ -225,6 +242,7 @@ class BenchLock:
         RigctlError
             another program commands one of the devices; names it.
         """
+        # If one is in use, those already taken are released again before the error goes on.
         with ExitStack() as taken:
             for lock in self._locks:
                 taken.enter_context(lock)

@@ -1,4 +1,15 @@
-"""Takes samples: journal, interlocks, notices of the bench, and the handling of silence."""
+"""Takes samples: journal, interlocks, notices of the bench, and the handling of silence and of lost devices.
+
+In: samples, notices and receipts of the backend. Out: the row of each sample, for the step that waits
+(`next_row`); or an ending, whose outputs are already safe when it is raised. Every sample of a run passes
+through here once, whatever the run is doing, and in one order: it is journalled, then checked, and only then
+shown to a step. A row that trips a limit is thus stored, and no step acts on it.
+
+A loss has one of four consequences, from the mildest to the hardest: a device that the rig file allows to
+be absent is noted (`_go_without`); the run pauses until the device is back (`_pause_for`); the record in
+progress is repeated once the bench is back (`_Awaited` without `paused`); or the run ends. See
+docs/decisions/0195-what-the-loss-of-a-device-does.md.
+"""
 
 from __future__ import annotations
 
@@ -121,6 +132,8 @@ class Sampling:
                 sample = self._next_sample(0.0)
         except BackendLost as error:
             self._end(Lost(str(error)))
+        # Nothing is handed to a step while a loss is waited for: first whether all are back, then whether to
+        # give up.
         awaited = self._awaited
         if sample is None:
             self._collect()
@@ -132,23 +145,29 @@ class Sampling:
             return None
         if sample is None:
             return None
+        # All are back, and safe. The sample is journalled and checked before it is decided how the run goes
+        # on, since a limit may have been exceeded meanwhile.
         if awaited is not None:
             self._bench.reachable = True
             self._awaited = None
             self._take(sample)
             self._go_on(awaited)
             return None
+        # Taking it may have shown that a device was lost, see `_gap`: then no step gets it.
         row = self._take(sample)
         return None if self.awaiting else row
 
     def _go_on(self, awaited: _Awaited) -> None:
         """A bench that was waited for is back: its record, or the step in progress, is done again."""
+        # Not paused: the record is measured again, which `Walker._repeated` catches.
         if not awaited.paused:
             self._end(SamplesLost(awaited.reason))
         for device in awaited.devices:
             self._bench.event("note", f"{device} is back, outputs are safe: the run goes on", back=device)
         if self._bench.recording:
             self._end(DeviceBack(awaited.reason))
+        # Outside a record the step in progress begins again, unless half of a timed command has been carried
+        # out.
         if awaited.cut:
             self._end(Lost(f"{awaited.reason}; it is back, but a command for a time was cut off by it"))
 
@@ -165,9 +184,12 @@ class Sampling:
             device, alarm = self._interlocks.check_devices(now, self._began, bench.rate)
         if alarm is None:
             return
+        # What the bench last said of the device is the likely cause, and more use than the time of its
+        # silence.
         if device in self._faults:
             fault = self._faults[device].removeprefix(f"{device}: ")
             alarm = replace(alarm, message=f"{alarm.message}: {fault}")
+        # What the rig file says of the device comes before the procedure's `retries`, which ask for no pause.
         policy = self._policy(device)
         if policy == "continue":
             self._go_without(device, alarm.message)
@@ -212,10 +234,13 @@ class Sampling:
             "gap", f"{reason}; the run waits for it, {within:g} s at most", device=device, lost="pause"
         )
         self.note(bench.now, "gap", reason)
+        # Before `make_safe`, which forgets the pulses in progress.
         cut, before = bench.timing, self._awaited
         bench.make_safe(reason)
         give_up = bench.now + within
         devices: tuple[str, ...] = (device,)
+        # Two losses become one wait, until all of these devices are back. The time for a device that comes
+        # and goes is not extended: it would be waited for without end.
         if before is not None:  # of this one if it is lost again before it could be made safe
             cut = cut or before.cut
             again = device in before.devices
@@ -241,6 +266,8 @@ class Sampling:
     def _all_back(self, sample: Sample, awaited: _Awaited) -> bool:
         """Whether all of several devices are there again; otherwise the sample of another one is kept."""
         bench = self._bench
+        # This is the last of those missed. After a pause all outputs of all devices are confirmed to be safe
+        # once more: another device may have been restarted by the same dip of the supply.
         if self._interlocks.silent_devices - bench.absent.keys() <= {sample.device}:
             if not awaited.paused:
                 return True
@@ -248,6 +275,8 @@ class Sampling:
             bench.make_safe(f"the lost device is back: {awaited.reason}")
             if bench.reachable:
                 return True
+        # Another device is still missing, or the safe state was not confirmed: the sample is stored, and its
+        # limits count, but no step and no record of completeness sees it.
         self.keep(sample)
         if awaited.paused:  # observers see the others meanwhile
             bench.newest = self._possible.of(self._row(sample))
@@ -255,6 +284,7 @@ class Sampling:
         self._returned(sample.device)
         self._faults.pop(sample.device, None)
         alarms = self._interlocks.check(self._row(sample.read), sample.device)
+        # Before `_sound`, which raises.
         if any(alarm.active and alarm.action == "stop" for alarm in alarms):
             self._awaited = None  # this ends the run, not only the record
         if alarms:
@@ -264,6 +294,9 @@ class Sampling:
 
     def _take(self, sample: Sample) -> Row:
         bench, device = self._bench, sample.device
+        # Three views of one sample: `read` is what the device said, which is stored and checked against
+        # limits; `taken` is that without impossible values; `newest` also has the latest value of every other
+        # device's channels.
         read = self._row(sample.read)
         taken = self._possible.of(read)  # what is impossible is stored as it was read, and is no value here
         bench.newest = taken if not device else self._possible.of(self._row(sample))
@@ -271,7 +304,9 @@ class Sampling:
         self.newest = sample.time
         self._faults.pop(device, None)
         self._returned(device)
+        # Stored first: a row that trips a limit is the one that everybody will want to see.
         self._keep(read)
+        # Rows from before the record have the number −1; they arrive after it was opened.
         if self.completeness is not None and taken[1] >= 0.0:
             self.completeness.add(taken, device, possible=taken is read)
         if bench.history.wanted:
@@ -280,8 +315,12 @@ class Sampling:
         if alarms:
             self._sound(alarms)
         self._collect()
+        # At the time of this sample, not at the present: after a stall, those of other devices may still be
+        # queued.
         if self._several:
             self._check_silence(sample.time)  # what is still to be fetched is not missing
+        # Last, as a restart may end the record, and the sample that shows it has to be stored and checked all
+        # the same.
         for name, column in self._counters.items():
             self._count(name, bench.newest[column])
         return bench.newest
@@ -299,6 +338,7 @@ class Sampling:
         before = self._counts.get(name, -math.inf)
         if math.isnan(value):
             return
+        # Kept before the comparison: the same restart is not reported twice.
         self._counts[name] = value
         if value >= before:
             return
@@ -317,12 +357,17 @@ class Sampling:
             bench.writer.append(row)
         except RigctlError as error:
             bench.trouble = bench.trouble or error
+        # `trouble` may also come from an event that could not be logged: those never raise where they are
+        # logged, as this might be within `make_safe`. It ends the run here, at the next sample, once; cleanup
+        # still gets its rows.
         if bench.trouble is not None and not self._reported:
             self._reported = True
             self._end(Lost(str(bench.trouble)))
 
     def _collect(self) -> None:
         """Handle switches and notices that the bench reports on its own."""
+        # Receipts before notices: `_pause_for` asks whether a timed command is in progress, which a receipt
+        # may end.
         self._bench.take_receipts()
         self._bench.take_answers()
         for notice in self._backend.take_notices():
@@ -331,6 +376,8 @@ class Sampling:
             if "warning" in notice.fields:
                 record = self._bench.record_of(notice.time)
                 self.warnings.append(RunWarning(notice.time, record, notice.message))
+            # Not an ending by itself: a fault that lasts shows as silence or as missing values, whose message
+            # it explains.
             if notice.kind == "fault":
                 self._faults[str(notice.fields.get("device", ""))] = notice.message
             if notice.kind == "gap":
@@ -347,8 +394,11 @@ class Sampling:
         device = str(notice.fields.get("device", ""))
         if self._policy(device) == "continue":
             return  # nothing depends on it, also while it comes back
+        # Only outputs that were off their safe values when contact was lost.
         names = notice.fields.get("switched_off")
         cut_off = set(names) if isinstance(names, list) else set()
+        # A step that regulates an output commands it at its next sample anyway; in a record that gap would be
+        # data.
         lasting = cut_off if self._bench.recording else cut_off - self._bench.regulated
         if lasting and self._policy(device) == "pause":  # it is back already, with its outputs off
             self._pause_for(device, notice.message)
@@ -359,6 +409,8 @@ class Sampling:
 
     def _sound(self, alarms: Sequence[Alarm]) -> None:
         """Log alarms; one with action stop makes outputs safe and then ends the step in progress."""
+        # Outputs first, then the log, then the ending: writing events takes time, and must not delay the safe
+        # state.
         stopping = next((a for a in alarms if a.active and a.action == "stop"), None)
         tripped = Tripped(stopping.message) if stopping is not None else None
         if tripped is not None:
@@ -376,6 +428,7 @@ class Sampling:
             raise tripped
 
     def _end(self, ending: Ending) -> NoReturn:
+        # An ending from elsewhere ends the wait for a device too.
         self._awaited = None
         if isinstance(ending, SamplesLost):  # the run continues: a device that is still silent alarms again
             self._interlocks.silent_devices.clear()

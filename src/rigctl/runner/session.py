@@ -1,4 +1,15 @@
-"""One run from arming to its last line: every ending passes through the same cleanup, once."""
+"""One run from arming to its last line: every ending passes through the same cleanup, once.
+
+In: a plan, an open backend, a recorder, an operator. Out: a `RunResult`; the backend and the data are closed
+then, however the run ended.
+
+`_Session` owns the parts (bench, interlocks, sampling, walker, state machine) and the order in which they
+are used; `carry_out` and `close` are that order. An ending makes the outputs safe where it is noticed
+(`_secure`), before cleanup blocks run, and once more at the end, as these blocks may have driven outputs.
+What a run must never do is stop half-way through its ending: hence the broad `except` clauses, each of
+which goes on to the next thing that has to be closed. The order as the user reads it is in
+docs/explanation/safety.md.
+"""
 
 from __future__ import annotations
 
@@ -113,6 +124,8 @@ def run(
     resume_from: what earlier sessions have completed.
     response: s of wall time between two checks for requests.
     """
+    # Signals are handled until data are closed: Ctrl-C while Parquet is written must not leave a run half
+    # closed.
     with Signals() as signals:
         session = _Session(plan, backend, writer, operator, resume_from)
         session.watched_by([*controls, *([control] if control is not None else [])], observer)
@@ -127,11 +140,15 @@ class _Session:
         self, plan: Plan, backend: Backend, writer: Recorder, operator: Operator, resume: Resume | None
     ) -> None:
         self._plan = plan
+        # A simulation takes one plant for the whole bench: its rows come from one device, so that the rig is
+        # seen as one without devices, with all its channels.
         rig = plan.rig if isinstance(backend, Combined) else plan.rig.undivided
         self._backend = backend
         self._writer = writer
         self._resume = resume or Resume(frozenset())
         self._bench = Bench(rig, backend, writer, operator, history_for(plan, rig))
+        # A resumed run knows what earlier sessions measured: conditions may refer to it, and the verdict
+        # covers all.
         self._bench.missed += self._resume.missed
         for name, (value, unit, difference) in self._resume.values.items():
             self._bench.keep(name, value, unit, difference=difference)
@@ -149,6 +166,7 @@ class _Session:
             completed=self._resume.completed,
         )
         self._controls: list[Control] = []
+        # Requests from other terminals come through a file in the run's folder; moving by hand has none.
         if writer.folder is not None:
             self._controls.append(beside(ControlFile(writer.folder), backend.clock))
         self._observer: Observer | None = None
@@ -179,21 +197,31 @@ class _Session:
         )
         ending: Ending | None = None
         try:
+            # 1. Read the bench and check the interlocks; nothing moves before all channels were seen to be in
+            #   order.
             self._lifecycle.send("arm")
             self._arm(driver)
+            # 2. Walk the plan. What ends it early arrives here only after the cleanup blocks, which the
+            #   walker has run.
             if dry:
                 self._lifecycle.send("finish")
             else:
                 self._lifecycle.send("start")
                 driver.drive(steps, self._walker)
         except Quit:
+            # Somebody did not wait for cleanup; the reason of the run is still what ended it first.
             ending = self._first or Aborted(f"ended by {signals.name}", exit_code=signals.exit_code)
         except Exception as error:  # noqa: BLE001 - nothing may keep the outputs from becoming safe
             ending = ending_for(error, self._bench)
+        # An ending from before the walk, such as a limit exceeded when arming, may not have been through
+        # `_secure`.
         if ending is not None and self._first is None:
             self._secure(ending)
+        # 3. Closing the generator runs its `finally` blocks (record closed, question withdrawn). One that
+        #   yields again raises RuntimeError here, which is not of interest any more.
         with suppress(Exception):  # closes what a second signal left open; the outputs are already safe
             steps.close()
+        # 4. Safe again, whatever cleanup blocks have done. This is the only time for a run that ended well.
         self._bench.make_safe("end of the run")
         self._retry_safe_state(signals)
         return ending
@@ -202,6 +230,8 @@ class _Session:
         """Try to reach a bench that could not be made safe, for a short time or until a further signal."""
         bench, before = self._bench, signals.count
         give_up = bench.now + LAST_TRY
+        # `next_sample` also drives the search for a lost bench, see `rigctl.backends.transport.reconnection`;
+        # nothing else would. Samples that come meanwhile belong to the run, but trip nothing any more.
         while bench.unconfirmed is not None and bench.now < give_up and signals.count == before:
             try:
                 sample = self._backend.next_sample(min(RESPONSE * self._backend.clock.speed, 0.5))
@@ -214,7 +244,11 @@ class _Session:
 
     def close(self, ending: Ending | None) -> RunResult:
         """Close the bench and the data, and report the result."""
+        # The bench is asked for the last time before it is closed; after that nothing can confirm an output.
         duration = self._bench.now
+        # The order from here on: what is unconfirmed is settled and logged while the log is open; the backend
+        # is closed before the data, so that no bench has to be kept alive while the journal is converted; the
+        # state changes to its last value before the log is closed, since that is an event of it.
         status, event, reason, code = self._verdict(ending)
         unconfirmed, by_hand = self._unconfirmed, None
         if unconfirmed is not None:
@@ -239,9 +273,13 @@ class _Session:
             message = reason or ""  # a full disk is reported once
             reason = message if why in message else "; ".join(filter(None, (message, why)))
             status, code = "failed" if status == "finished" else status, code or ExitCode.FAILED
+        # Only the tables tell whether all samples arrived on the disk: a run that ended well may still lack
+        # some.
         damage = _damaged(self._writer.folder) if reason is None else None
         if damage is not None:
             reason, code = damage, ExitCode.FAILED
+        # Observers and other terminals see the final state, and what closing has found, before they are
+        # closed.
         self._tick()
         for control in self._controls:
             with suppress(Exception):
@@ -280,9 +318,11 @@ class _Session:
             a limit is exceeded already.
         """
         bench = self._bench
+        # First what needs no sample: a step that this bench cannot carry out.
         _refuse_impossible(self._plan, bench)
         bench.start(bench.rig.monitor_rate)
         try:
+            # Through the driver, so that a signal or a request ends arming too.
             rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate)
             # a bench, or one of its devices, that stays silent trips the interlock for silence
             while bench.read_at.keys() < bench.rig.parts.keys():
@@ -293,9 +333,13 @@ class _Session:
             tripped.reason = f"not armed: {tripped.reason}"
             raise
         devices = self._backend.devices if isinstance(self._backend, Combined) else {"": self._backend}
+        # Only now it is known how long a device really takes to answer; a record at a rate that it cannot
+        # keep is refused before anything moves.
         for name, device in devices.items():
             if isinstance(device, Polled):
                 refuse_slow_answers(self._plan, device.sample_takes, name)
+        # The commands in force are the last columns of the newest row; from here on receipts keep them up to
+        # date.
         first = len(bench.rig.layout.columns) - len(bench.rig.layout.commands)
         bench.commanded = dict(zip(bench.rig.layout.commands, rows[-1][first:], strict=True))
         alarms = self._interlocks.check_arming(rows)
@@ -308,15 +352,23 @@ class _Session:
             return
         self._secured = ending
         self._bench.make_safe(ending.reason)
+        # Lost samples make outputs safe, but do not end the run: its record is measured again. The state
+        # stays as it is, and a later ending is the first.
         if not isinstance(ending, SamplesLost):
+            # The first ending is the reason of the run; those that follow in its cleanup are notes in the
+            # log.
             self._first = self._first or ending
             self._message = self._first.reason
+            # Both transitions at once, as the outputs are safe already. In cleanup a second trip passes
+            # through SAFE again.
             self._lifecycle.send("make_safe")
             self._lifecycle.send("clean_up")
             self._tick()  # 'rigctl off' waits for it
 
     def _verdict(self, ending: Ending | None) -> tuple[str, str, str | None, ExitCode]:
         """Status, event of the state machine, reason, exit code."""
+        # A missed measure is no ending: the run has finished, and its exit code says that the device has not
+        # passed.
         if ending is None:
             if missed := self._bench.missed:
                 more = f", and {len(missed) - 1} more" if len(missed) > 1 else ""
@@ -324,6 +376,7 @@ class _Session:
                 return "finished", "succeed", reason, ExitCode.FAILED
             return "finished", "succeed", None, ExitCode.DONE
         if ending.aborted:
+            # A signal brings its own exit code; a key or a request has none.
             code = ending.exit_code if ending.exit_code is not ExitCode.FAILED else ExitCode.INTERRUPTED
             return "aborted", "abort", ending.reason, code
         location = f"{ending.where}: " if ending.where is not None and ending.where.line else ""
@@ -337,6 +390,8 @@ class _Session:
 
     def _tick(self) -> None:
         """Call the observer; one that fails is not called again."""
+        # What the disk thread has noticed is fetched and logged here, on the thread that logs every other
+        # event.
         for text in self._writer.warnings():
             self._bench.event("note", text)
             self._sampling.note(self._bench.now, "note", text)

@@ -1,4 +1,13 @@
-"""All outputs to the safe state, whichever program controls the bench: the function behind `rigctl off`."""
+"""All outputs to the safe state, whichever program controls the bench: the function behind `rigctl off`.
+
+In: a rig and how to reach its bench. Out: what was done, and whether every output is confirmed to be safe.
+
+A bench can have been taken by a run, by a program that hangs, or by nobody, and `off` has to work for all
+of them. The order is that of least risk: first the runs on this bench are asked to end, as they hold the
+port and know what they have switched on; then, unless the run that has every address has confirmed that
+all is safe, the lock is taken, whoever has it, and the bench is commanded from here. Time is bounded at
+each point, since somebody is waiting for a heater to go off.
+"""
 
 from __future__ import annotations
 
@@ -58,10 +67,13 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
     RigctlError
         the bench cannot be reached, or its outputs differ from the commands.
     """
+    # 1. Who has the bench: by its addresses, by its name, and by the heartbeats of the runs in this project.
     at_address, holders, same = _holders(rig, how) if how.exclusive else (None, [], True)
     folders = holders + [folder for folder in _in_progress(rig, how) if folder not in holders]
     ended, safe = [], set[Path]()
     give_up = monotonic() + _ALL_ANSWERS
+    # 2. Each is asked to end. Those that hold the bench come first in the list, and are asked however long it
+    #   takes.
     for folder in folders:
         if (
             folder not in holders and monotonic() > give_up
@@ -73,16 +85,24 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
         except RigctlError as error:
             answer = error.what
         else:
+            # Its answer says that it is ending; only its heartbeat says that the outputs are confirmed to be
+            # safe.
             safe |= {folder} if folder in holders and _made_safe(folder) else set()
         ended.append(f"{folder.name}: {answer}")
+    # 3. Nothing to command from here: a simulated bench ends with its process.
     if _unreal(rig, how):
         return _nothing_real(rig, how, folders, ended)
     by_run = SwitchedOff("; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended))
+    # 4. The run that has all addresses has confirmed: its word is as good as a reading from here, and
+    #   earlier.
     if at_address is not None and at_address in safe:
         return by_run
     try:
+        # 5. Otherwise from here, with the lock taken from whoever has it.
         done, confirmed, known_by = _switch_off_here(rig, how)
     except RigctlError:
+        # Not reachable at the address of the rig file, where a run uses another one: then its confirmation
+        # counts.
         if same and holders and safe.issuperset(holders):  # it has another port than that of the rig file
             return by_run
         raise
@@ -180,10 +200,13 @@ def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
     with bench_lock(rig, "'rigctl off'", how, at_any_cost=True):
         try:
             with opened(rig, how) as backend:
+                # Opening has made outputs safe already, where it succeeded; this also raises what could not
+                # be confirmed.
                 backend.safe()
                 read = _read_back(rig, backend)
                 confirmed, known_by = _known_by(rig, read, backend.outputs_answered)
                 notices = "".join(f"; {notice.message}" for notice in backend.take_notices())
+        # A tripped board has switched off by itself, before it refused to be opened: this is the safe state.
         except BenchTripped as tripped:
             notices = f"; {tripped.what}; '--clear-trips' clears it once its cause is gone"
         except OutputsNotSafe as error:
@@ -222,6 +245,7 @@ def _read_back(rig: Rig, backend: Backend) -> frozenset[str]:
     RigctlError
         one differs from its safe value.
     """
+    # Samples are what shows the outputs as they are, not as they were commanded.
     backend.start(rig.monitor_rate)
     read: set[str] = set()
     give_up = backend.clock.now() + min(1.0, 2.0 / rig.monitor_rate)

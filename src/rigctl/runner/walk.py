@@ -1,4 +1,14 @@
-"""Walks a plan: one generator that yields what the step in progress waits for."""
+"""Walks a plan: one generator that yields what the step in progress waits for.
+
+In: the tree of a `Plan` (groups, loops, branches, records, steps), and the bench. Out: a stream of `Until`
+conditions for `rigctl.runner.main_loop`, which resumes it with a row, or throws an `Ending` into it.
+
+An ending propagates as an exception from the step through the groups around it, and each group runs the
+cleanup that belongs to it on the way (`_unwind`), from the inside out. Outputs are already safe by then:
+whoever raises an ending calls `secure` first. Two exceptions do not end the run: `Restart` begins a step
+again after a pause, and `SamplesLost` begins a record again where its `retries`, or the return of a lost
+device, allow it.
+"""
 
 from __future__ import annotations
 
@@ -97,6 +107,9 @@ class Walker(Visitor[Waiting]):
                     self._progress.skip(node)
         try:
             for index, node in enumerate(nodes):
+                # `not self._repeating`: the record itself may be wrapped in a group for its cleanup blocks,
+                # which is visited inside `_repeated`; only the outermost one repeats, so that a repetition
+                # includes that cleanup.
                 record = _record_in(node)
                 if record is not None and not self._repeating and (record.retries or self._waits):
                     yield from self._repeated(nodes, index, record.retries)
@@ -112,6 +125,8 @@ class Walker(Visitor[Waiting]):
         self, on_failure: Group | None, on_abort: Group | None, last: Group | None, ending: Ending | None
     ) -> Waiting:
         """The cleanup blocks that apply to an ending, or to success."""
+        # Three kinds of end: success and a repetition run `finally` alone, as ordinary steps, whose failure
+        # is one of the run; any other ending runs `on_failure` or `on_abort` and then `finally`, as cleanup.
         repeated = isinstance(ending, DeviceBack) or (isinstance(ending, SamplesLost) and self._again)
         if ending is None or repeated:  # the run goes on: what ends it in here must not be passed over
             if last is not None:
@@ -124,6 +139,7 @@ class Walker(Visitor[Waiting]):
     def _cleanup(self, block: Group) -> Waiting:
         """Carry out every step of a cleanup block, each limited in time, even if earlier ones fail."""
         for node in block.children:
+            # Each remaining step is still noted, so that the log shows what was not done.
             if self._hopeless or not self._bench.reachable:
                 self._bench.event("note", f"cleanup step left out: {node.label}")
                 continue
@@ -131,6 +147,9 @@ class Walker(Visitor[Waiting]):
             try:
                 yield from self.visit(node)
             except Ending as ending:
+                # A step that fails stops none of the next; a trip, or the loss of the bench, stops all
+                # further cleanup, in the groups around this one too: driving outputs is what has become
+                # dangerous, or impossible.
                 self._hopeless = isinstance(ending, Tripped | Lost)
                 self._bench.event("note", f"cleanup step failed: {node.label}: {ending.reason}")
             finally:
@@ -142,6 +161,8 @@ class Walker(Visitor[Waiting]):
         for number in count(1):
             if loop.count is not None and number > loop.count:
                 return
+            # Evaluated before each round, on a reading taken after the last command: an older row shows the
+            # bench as it was before the body changed it.
             if loop.condition is not None:
                 yield from self._checkpoint(loop)
                 row = yield from bench.fresh(loop.condition.names)
@@ -149,8 +170,11 @@ class Walker(Visitor[Waiting]):
                     return
             if number > loop.max_iterations:
                 raise self._fail(loop, f"the loop has not ended after {loop.max_iterations} rounds")
+            # The path of a record has the numbers of the rounds around it: that is how a resumed run knows
+            # which are done.
             self._rounds.append((loop, number))
             try:
+                # In a resumed run a round whose records are all complete is left out, its other steps too.
                 paths = record_paths(loop.body) if self._completed else []
                 if not paths or not all(self._done(path) for path in paths):
                     yield from self.group(loop.body)
@@ -171,6 +195,7 @@ class Walker(Visitor[Waiting]):
     def _checkpoint(self, node: Node) -> Waiting:
         """Let a pause begin before a decision; after it outputs are as they were left by the steps before."""
         self._bench.path = self._path(node.path)
+        # What a pause restores; a decision has no commands of its own.
         self.baseline = dict(self._bench.commanded)
         yield CHECKPOINT
 
@@ -182,12 +207,17 @@ class Walker(Visitor[Waiting]):
         bench.path = path = self._path(leaf.path)
         self._progress.begin(leaf.path, leaf.label, bench.now)
         bench.log(bench.now, "step", path=path, message=leaf.label, state="begin")
+        # Taken before anything is commanded: a pause or a loss later in the step restores this, and the step,
+        # as it begins again, commands the rest itself.
         self.baseline, returns = dict(bench.commanded), 0
         try:
+            # Requests and samples that are due are handled between any two steps, however short they are.
             yield CHECKPOINT
             while True:
                 try:
                     outcome = yield from leaf.action.carry_out(bench)
+                    # A step is over when the bench has answered its last command, so that a refusal is
+                    # attributed to it.
                     yield from bench.settled()
                     break
                 except Restart as restart:
@@ -195,8 +225,11 @@ class Walker(Visitor[Waiting]):
                     if returns > _MOST_RETURNS:
                         raise _lost_too_often(leaf) from None
                     bench.event("note", "the step begins again after a pause")
+        # Also an ending that the main loop has thrown in: `secure` does nothing a second time for the same
+        # ending.
         except Exception as error:  # noqa: BLE001 - whatever it is, outputs become safe and cleanup runs
             ending = ending_for(error, bench)
+            # The innermost step names the place in the procedure; groups around it must not replace it.
             ending.where = ending.where or leaf.where
             bench.event("step", f"{leaf.label}: {ending.reason}", state="end", outcome=ending.outcome.value)
             self._secure(ending)
@@ -214,16 +247,25 @@ class Walker(Visitor[Waiting]):
         outcome = Outcome.FAILED
         try:
             self._open(node, path)
+            # From here on until the record is closed lost samples raise `SamplesLost`, which `_repeated`
+            # catches.
             self._sampling.repeatable = self._again
+            # The first sample at the record's rate, before the first step acts: the record begins with the
+            # initial state.
             yield Until(when=every_sample, on_pause=OnPause.DEFER)
             yield from self.group(node.body)
+            # Samples that are due still belong to the record; then it is counted.
             yield CHECKPOINT
+            # Inside the `try`, while the record is open: if it lacks too much, it is closed as interrupted,
+            # not as complete.
             self._require_complete(node)
             outcome = Outcome.COMPLETE
         except Ending as ending:
             outcome = ending.outcome
             raise
         finally:
+            # Whatever ended it, also a closed generator: an open record would take the samples of what
+            # follows.
             self._sampling.repeatable = False
             self._close(outcome)
         self._progress.records_done += 1
@@ -233,19 +275,25 @@ class Walker(Visitor[Waiting]):
 
         The return of a device that the run has waited for uses none of the `retries`.
         """
+        # `before`: the commands with which the record began, as its own steps are to find them again.
         node, before, returns = nodes[index], dict(self._bench.commanded), 0
         while True:
+            # `_again` is read by `_unwind` and `_require_complete` deep inside: whether lost samples end the
+            # run there.
             self._again, self._repeating = retries > 0, True
             try:
                 yield from self.visit(node)
                 return
             except SamplesLost as lost:
                 back = isinstance(lost, DeviceBack)
+                # No attempt is left: the ending goes on to the groups around the record.
                 if not (self._again or back):
                     raise
                 self._bench.event("note", f"{node.label} is measured again: {lost.reason}")
             finally:
                 self._again = self._repeating = False
+            # The two are counted apart: a contact that fails every few minutes must not use up the
+            # procedure's `retries`, nor go on for ever.
             returns, retries = returns + back, retries - (not back)
             if returns > _MOST_RETURNS:
                 ending = _lost_too_often(node)
@@ -256,6 +304,8 @@ class Walker(Visitor[Waiting]):
                 with suppress(Restart):  # after another pause, which has restored the same
                     yield CHECKPOINT  # of a person who has asked for a pause meanwhile
                     yield from self._bench.restored(before)
+            # The outputs went off with the loss: temperature, pressure and position are not what the record
+            # needs until the steps that set them have been done again.
             for step in setup_before(nodes, index):
                 yield from self.visit(step)
 
@@ -263,6 +313,8 @@ class Walker(Visitor[Waiting]):
         bench = self._bench
         try:
             began = bench.record_began = bench.now
+            # The order matters: the record exists before the rate changes, so that its first fast sample
+            # belongs to it.
             bench.writer.open_record(began, node.name, node.sweep, path, node.rate)
             bench.history.begin_record(began)
             self._sampling.completeness = Completeness(bench.rig, node.channels, node.rate, began)
@@ -275,6 +327,7 @@ class Walker(Visitor[Waiting]):
     def _require_complete(self, node: RecordNode) -> None:
         """Refuse a record that lacks too much to be what the procedure asked for."""
         counted = self._sampling.completeness
+        # Devices with `lost: continue` owe nothing: the record was allowed to go on without them.
         lacks = counted.lacks(self._bench.now, self._spare) if counted is not None else []
         too_much = [lack for lack in lacks if lack.exceeds(node.most_missing)]
         if not too_much:
@@ -283,6 +336,8 @@ class Walker(Visitor[Waiting]):
         most = f"{100.0 * node.most_missing:.3g} %"
         reason = f"{node.label} lacks {missing}, more than {most}"
         ending: Ending = SamplesLost(reason, where=node.where)
+        # `SamplesLost` would be secured without an end of the run, and `_unwind` would take it for a
+        # repetition.
         if not self._again:  # nothing is measured again: the run ends with this
             ending = StepFailed(reason, outcome=SamplesLost.outcome, where=node.where)
         self._secure(ending)
@@ -293,12 +348,14 @@ class Walker(Visitor[Waiting]):
         if not bench.recording:
             return
         bench.history.end_record()
+        # Here all devices count: what is missing is stored with the record, whether or not it was tolerated.
         counted, self._sampling.completeness = self._sampling.completeness, None
         lacks = counted.lacks(bench.now) if counted is not None else []
         if lacks:
             bench.event("note", f"missing in the record: {', '.join(map(str, lacks))}")
         try:
             bench.writer.close_record(bench.now, outcome.value, worst(lacks))
+            # Back to the rate for watching, which only a bench within reach can be told.
             if bench.reachable:
                 bench.start(bench.watching_rate)
         except Exception as error:  # noqa: BLE001 - as for a step

@@ -1,4 +1,11 @@
-"""Requests and heartbeats in files, handled by a thread: a slow disk must not delay the loop."""
+"""Requests and heartbeats in files, handled by a thread: a slow disk must not delay the loop.
+
+The loop's thread calls the methods of `Aside` and `Watching`, which only move something to or from a
+queue; the wrapped control, or observer, is called by its own thread alone. The queues are deques, whose
+appending and popping at the ends are atomic, so that no lock is needed, and neither side ever waits for
+the other. Views are dropped if the thread is late, since only the newest matters; requests and answers
+never are.
+"""
 
 from __future__ import annotations
 
@@ -56,6 +63,8 @@ class Aside:
 
     def _work(self) -> None:
         while True:
+            # Read before the work, so that what was handed over before `close` is still done in this last
+            # round.
             ending = self._ended
             with suppress(Exception):  # neither files nor locks may end a run
                 self._once()

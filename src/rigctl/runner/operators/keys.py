@@ -1,4 +1,10 @@
-"""The keys of a run, read from a terminal without blocking; whole lines if there is no terminal."""
+"""The keys of a run, read from a terminal without blocking; whole lines if there is no terminal.
+
+In: stdin. Out: the characters typed since the last call, for `rigctl.runner.operators.console`. Three
+kinds of input need three ways not to block: a POSIX terminal is put into a mode that delivers each key,
+and is asked whether there is one; the Windows console has functions for this; a pipe or a file is read by
+a thread. A terminal is left as it was found, however the program ends.
+"""
 
 from __future__ import annotations
 
@@ -43,6 +49,7 @@ def open_keys(stream: TextIO | None = None) -> Keys:
         return _Lines(source)
     if os.name == "nt":
         return _WindowsKeys()
+    # Reading in the background would stop the whole process (SIGTTIN), and with it the interlocks.
     if _in_foreground(source.fileno()):
         return _PosixKeys(source.fileno())
     return _Lines(None)
@@ -115,6 +122,7 @@ class _PosixKeys:
         self._descriptor = descriptor
         self._before: Any = termios.tcgetattr(descriptor)
         self._decode = codecs.getincrementaldecoder("utf-8")("replace").decode
+        # Keys at once and without echo, while Ctrl-C still makes a signal.
         tty.setcbreak(descriptor, termios.TCSADRAIN)
 
     def read(self) -> str:
@@ -177,6 +185,7 @@ class _Lines:
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self.ended = stream is None or stream.closed
         if stream is not None and not self.ended:
+            # A daemon: a pipe from which nothing comes must not keep the program from ending.
             threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
     def _read(self, stream: TextIO) -> None:

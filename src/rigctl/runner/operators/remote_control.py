@@ -1,6 +1,11 @@
 """Control of a run from another terminal: requests in `control.jsonl`, a heartbeat in `state.json`.
 
 Both files are in the run's folder. A client appends a line and waits until the heartbeat acknowledges it.
+They serve every client alike: `rigctl pause` and `off`, the served page, a script.
+
+`control.jsonl` is only appended to, by any number of clients, with one `write` for each line; `state.json` is
+only written by the run, and replaced as a whole. Neither side trusts the other's text: lines may be cut off,
+too long, or not meant for rigctl at all.
 """
 
 from __future__ import annotations
@@ -53,6 +58,7 @@ class ControlFile:
         now = time.monotonic()
         if now < self._next_poll:
             return ()
+        # Less often than the loop asks: each look is a call of the file system.
         self._next_poll = now + _POLL
         with suppress(OSError):
             orders = map(_read_order, self._lines.read())
@@ -61,6 +67,7 @@ class ControlFile:
 
     def acknowledge(self, order: Order, message: str) -> None:
         """Acknowledge a request at once."""
+        # Keys and lock have no id: nobody waits for their acknowledgement in the file.
         if order.id:
             self._acknowledged.append({"id": order.id, "message": message})
             self._beat()
@@ -68,6 +75,7 @@ class ControlFile:
     def publish(self, view: View) -> None:
         """Write the heartbeat when it is due, and whenever the state or the question has changed."""
         before = self._view
+        # What others wait for must not be late by a heartbeat.
         changed = before is None or (view.state, view.asked) != (before.state, before.asked)
         self._view = view
         if changed or time.monotonic() >= self._next_beat:
@@ -137,6 +145,7 @@ def send(folder: Path, request: Request, *, timeout: float = 10.0, at: str = "an
             exit_code=ExitCode.FAILED,
         )
     order_id = uuid4().hex
+    # The id ties the acknowledgement to this request, as others may send the same one at the same time.
     line = {"id": order_id, "request": request.value, "source": sender(at)}
     write_line(folder, line, "request")
     return _await_answer(folder, order_id, timeout)

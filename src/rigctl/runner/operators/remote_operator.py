@@ -2,7 +2,12 @@
 
 A run that was started from the web page has no terminal. Its questions are in its heartbeat, visible to all;
 an answer is a line appended to `rigctl.runner.operators.remote_control.CONTROL_NAME`, which names its
-question.
+question, so that an answer that arrives late is never taken for one to the next question.
+
+`RemoteOperator` belongs to the loop's thread; `_Answers` is a control and reads the file in a thread of
+its own. Between them is a deque. While a run waits, an open page adds a sign of its presence every
+`PRESENCE_EVERY` s; their absence is what bounds the wait, see
+docs/decisions/0145-unattended-waits-are-bounded.md.
 """
 
 from __future__ import annotations
@@ -95,6 +100,7 @@ class _Answers:
         for line in self._lines.read() if self._lines is not None else ():
             fields = _read_line(line)
             kind = fields.get("request")
+            # Any other line may come from a script: it shows no person.
             if kind in (_ANSWER, _PRESENT):
                 self.seen = self._now()
             if kind == _ANSWER:
@@ -106,6 +112,7 @@ class _Answers:
 
     def publish(self, view: View) -> None:
         """Note the run's folder."""
+        # Only now is the run's folder known; lines that were there before are those of an earlier session.
         if self._lines is None and view.run:
             from rigctl.dataset import find_run
 
@@ -137,6 +144,7 @@ def send_answer(folder: Path, question: str, text: str) -> None:
         )
         raise RigctlError(what, value=folder.name, exit_code=ExitCode.FAILED)
     current = str(fields["asked"])
+    # The page may show a question that was answered at another window, or has timed out.
     if question != current:
         raise RigctlError(
             "something else is asked by now", value=question, expected=current, exit_code=ExitCode.FAILED
