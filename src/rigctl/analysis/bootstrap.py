@@ -165,6 +165,8 @@ def require_resampling(fitted: FitResult) -> None:
 def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int) -> Floats | None:
     """(shared) the parameters from one repetition; None if it cannot be fitted."""
     chance = np.random.default_rng(seed_of(seed, "bootstrap", number))
+    # y* = f + c·w·(y − f) for the readings of each cluster, the same w for the priors of its records'
+    # unknowns.
     weights = _weights(clusters, chance)
     problem, factor = fitted.problem, _factor(fitted, len(set(clusters)))
     of_record = dict(zip(fitted.fitted, (weights[cluster] for cluster in clusters), strict=True))
@@ -176,6 +178,7 @@ def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int
             replace(one, unknown=_drawn(one.unknown, float(value), weight))
             for one, value in zip(local[index], fitted.local[index], strict=True)
         )
+    # Shared unknowns start at the fit; the mean of a shared prior is drawn, since it has a single "residual".
     shared = [
         _as_stated(unknown, float(value), chance)
         for unknown, value in zip(problem.shared, fitted.values, strict=True)

@@ -1,4 +1,10 @@
-"""Compare models with measurements: how well they agree, and where they fail."""
+"""Compare models with measurements: how well they agree, and where they fail.
+
+In: runs and models. Out: a `Comparison` with a `ModelComparison` for each, from which a diagnosis starts.
+Each model is fitted, linearised once with the whole library, and tested. A fit and its tests are repeated
+where they show that what they assume is wrong: a noise larger than the errors (`_without_refuted_noise`), or
+sensors that are exact (`_with_sensors_in_question`).
+"""
 
 from __future__ import annotations
 
@@ -125,6 +131,8 @@ def _tested(
     fitted: FitResult, name: str, excluded: Collection[str], on_progress: OnProgress | None
 ) -> ModelComparison:
     """The tests of a fitted model, with the errors of sensors that its fit has."""
+    # The library's equations at the fitted values, every effect at its null: the outputs are those of the
+    # fit, and the derivatives by the effects' parameters come from one simulation.
     library_problem = fitted.problem.rebuilt(fitted.at_end, library=True, progress=on_progress)
     ranges = data_ranges(fitted.at_end.family, fitted.problem.measurements)
     slopes = KnownSlopes() if fitted.problem.model.with_laws else None
@@ -133,6 +141,8 @@ def _tested(
     )
     projected = project(linearisation)
     screening = screen(projected)
+    # Tests in a noise that is larger than every error prove nothing, whatever they say: that noise is
+    # refuted, and the fit and its tests are repeated with the white floor.
     tests = adequacy(projected, screening)
     if tests.below_noise:
         again = _without_refuted_noise(fitted)

@@ -1,4 +1,9 @@
-"""What a comparison returns, for people and for programs."""
+"""What a comparison returns, for people and for programs.
+
+`ModelComparison` holds the fit of one model, its linearisation and its tests, and computes on request where
+the error lies; a diagnosis takes it as its input. `Comparison` holds those of all models with the records
+that were held out. The words are made in `rigctl.answers`.
+"""
 
 from __future__ import annotations
 

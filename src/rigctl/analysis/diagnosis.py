@@ -128,6 +128,8 @@ def diagnose_comparison(
     beyond = agreeing_beyond(before)
     if beyond is not None:
         return _undecided_by_bound(before, beyond, runs, held_out, notes)
+    # The search minimises a criterion, and has an answer even where nothing is missing. Whether that answer
+    # may be named, and how much of it is certain, is decided by the judgement alone.
     search, found, if_exact = _searched_with_sensors(before, most, on_progress or no_progress)
     judgement = judge_set(search, found)
     best, verdict = judgement.best, judgement.verdict
@@ -139,6 +141,7 @@ def diagnose_comparison(
     undecided = (verdict is Verdict.OUTSIDE_LIBRARY and not sensor) or before.adequacy.below_noise
     doubt = whether_at_all(before) if undecided else None
     drift = _drift(before, best)
+    # Where errors of sensors are in the fit, the same diagnosis without them shows what they cover up.
     exact = _with_exact_sensors(before, most, on_progress)
     diagnosis = Diagnosis(
         runs=tuple(runs),
@@ -305,6 +308,8 @@ def _searched_with_sensors(
     effect, which with exact sensors may have been taken for another.
     """
     search, found = _searched(before, most, on_progress)
+    # Exact sensors first: a model that lacks something pulls its sensors beyond what is stated, so that with
+    # a free zero, gain and curvature of each the search would find less.
     inexact = before.with_sensor_errors
     if inexact is None or inexact.adequacy.unproven or _answered(search, found, inexact):
         return search, found, None
@@ -332,6 +337,10 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
     def ended(search: Search) -> RefittedSet:
         return search.null if agrees_within_tolerance(search) else search.best()
 
+    # Where only the floor of the noise is known, the scale of the errors is what a model leaves, and
+    # everything that the search compares depends on it. It begins with what the model itself leaves, every
+    # reading counted as independent, or an effect would seem to explain nothing; then the nearest set gives
+    # the scale (larger or smaller the first time, only smaller afterwards), until it hardly changes.
     search = begun(before)
     scaled = search.in_own_scale and not agrees_within_tolerance(search)
     if scaled:
@@ -344,6 +353,8 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
             break
         search = begun(again)
     best = ended(search)
+    # A refit may have found a deeper minimum of the given model, with an effect of hardly any size. Then all
+    # differences of χ² were taken from the wrong minimum, and the search starts anew from the right one.
     again = from_another_start(search)
     if again is not None:
         search = begun(again)

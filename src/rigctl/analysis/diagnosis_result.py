@@ -1,4 +1,9 @@
-"""What a diagnosis returns, for people and for programs."""
+"""What a diagnosis returns, for people and for programs.
+
+`Diagnosis` holds the verdict with everything that it rests on: the comparison before, the best set, every
+set that was tried, the ranking, rivals, checks and levels. `design`, `learn` and `discover` start from it,
+so that it keeps the fits themselves and not their summaries. The words are made in `rigctl.answers`.
+"""
 
 from __future__ import annotations
 

@@ -110,7 +110,8 @@ def read_runs(
     _require_own_readings(measurements)
     _require_moving_readings(measurements)
     units = variable_units(measurements)
-    # by the records' numbers, which those that repeat another one have too
+    # Selected and held out by the records' numbers, which those that repeat another one have too, and before
+    # anything is estimated. Only the noise is estimated from all records, also from those not selected.
     selected = chosen(measurements, only, units)
     held = {selected[at] for at in held_out(measurements.only(selected), hold_out, units, only)}
     measurements, kept = _each_once(measurements, selected, held)

@@ -421,6 +421,8 @@ def _response(
     like: FrequencyResponse | None,
 ) -> FrequencyResponse | None:
     """One response, from the records that are sampled evenly and alike; None without readings."""
+    # Windows and periods of all records are averaged, so that these must be sampled evenly and alike: a
+    # record that is not is left out, and named only if none remains.
     signals = [
         _signals(times, [series.inputs[name][k] for name in (asked, *others)], series.outputs[output][k])
         for k, times in enumerate(series.times)

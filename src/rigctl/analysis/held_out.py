@@ -43,10 +43,14 @@ def unseen(
     evaluated = []
     if model.fit.held_out:
         report("Evaluating the records that were held out")
+        # The records were simulated in the same problem: only what counts as fitted changes. Their own
+        # unknowns were fitted to them, the model's were not.
         result = replace(model.fit, fitted=model.fit.held_out, solution=None)
         evaluated.append(_group(model, inside, result, "hold_out", choice.hold_out))
     if choice.rest is not None:
         report("Evaluating the records that were not selected")
+        # These records are a problem of their own, in their own noise. Errors of calibrations that both have
+        # in common keep the values that the fitted records determined.
         measurements, noise = choice.rest
         # one calibration, or clock, is off by the same in all records made under it
         measurements = replace(measurements, reading_errors=problem.measurements.reading_errors)

@@ -235,6 +235,9 @@ def improve(
     report = on_progress or no_progress
     current, steps, source = compared.models[0], list[Step](), Path(path)
     while True:
+        # One turn: diagnose, plan, add. The plan is made inside the diagnosis (`shown`), because it decides
+        # whether the laws of the effects that the model already has are worth estimating: only in the first
+        # and the last diagnosis.
         room = most - sum(len(step.effects) for step in steps)
         this = _Round(not steps, room, sure, unless)
         diagnosis = diagnose_comparison(
@@ -246,6 +249,7 @@ def improve(
             further_laws=this.shown,
             on_progress=on_progress,
         )
+        # The diagnosis may have changed the comparison: the noise was refuted, or a deeper minimum was found.
         current = diagnosis.before
         if not this.plan:
             elsewhere = unseen(compared, current, on_progress=on_progress)
@@ -253,6 +257,8 @@ def improve(
             refused = this.refused
             ended = ended if refused is None else _ENDS[type(refused)]
             return Improvement(Path(path), tuple(steps), diagnosis, ended, elsewhere, refused)
+        # Each member is a version of its own, fitted with everything before it, so that the history shows
+        # what each one brings. Every addition is on disk before the next one starts.
         for chosen in this.plan:
             report(f"Adding {' and '.join(chosen.effects)}")
             after = _compared(current, chosen.trial, excluded, report)
@@ -314,6 +320,8 @@ def refusal(diagnosis: Diagnosis, trial: RefittedSet, effects: Sequence[str]) ->
     absurd = not_a_sensor(trial)
     if absurd:
         return absurd[0]
+    # Best of all, records that no fit has seen; else conditions left out in turn, if the noise is known; else
+    # blocks of time and the second half. See decision 149.
     before = diagnosis.before.fit
     if before.held_out:
         worse = _held_out_squares(trial.fit) >= _held_out_squares(before)

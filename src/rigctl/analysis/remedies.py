@@ -1,7 +1,9 @@
-"""What would remove a misfit on records that no fit saw: other initial states, other values, another effect.
+"""What would remove a misfit on records that no fit saw: other initial states, other values, another
+effect.
 
-Each is tried on those records alone, and judged by the share of the misfit that it removes. The model itself
-is not changed.
+In: a fit with these records as its fitted ones, and its tests. Out: `Remedy`s, by the share of the misfit
+that each removes on those records alone. They say why a prediction fails. The model is not changed, and
+nothing is chosen by them: the records would not be held out any more.
 """
 
 from __future__ import annotations
@@ -53,6 +55,8 @@ class Remedy:
 
 def remedies(fitted: FitResult, judged: ModelComparison) -> tuple[Remedy, ...]:
     """The remedies on the records of `fitted`, the best first; `judged` is the same with its tests."""
+    # Three causes of a worse prediction: the record began in another state than assumed, the bench has other
+    # values here, or the model lacks something that these conditions show.
     tried = [_starts(fitted), _values(fitted), _effect(fitted, judged)]
     kept = [one for one in tried if one is not None and one.share >= _LEAST]
     return tuple(sorted(kept, key=lambda one: -one.share))

@@ -110,6 +110,8 @@ def achievable_errors(fit: FitResult) -> tuple[AchievableError, ...]:
     used = [k for k in fit.fitted if not problem.records[k].row and problem.records[k].times.size > _SHORTEST]
     if measurements.table or sum(problem.records[k].times.size for k in used) > _MOST:
         return ()
+    # Only over time: a table or a row has no course from which features could be made. A channel of few
+    # readings is left out, since ten parts of it would each decide on a handful.
     counts = [
         sum(int(problem.ok[k][:, channel].sum()) for k in used)
         for channel in range(len(measurements.outputs))
@@ -144,6 +146,8 @@ class _Rows:
 
 
 def _achievable(fit: FitResult, channel: int, rows: _Rows, channels: int) -> AchievableError:
+    # Squares of whitened rows of each part, as the model leaves them and with the correction fitted to the
+    # other parts. Their logarithmic ratios are the ten observations of a t test.
     left_out, correction = _cross_validated(rows)
     squares = np.array(
         [
@@ -186,6 +190,7 @@ def _cross_validated(rows: _Rows) -> tuple[Floats, Floats]:
     Every fold shares the sums over all rows, less its own: no regression reads the data again.
     """
     parts = [rows.fold == k for k in range(_FOLDS)]
+    # β = (ΦᵀΦ + λI)⁻¹Φᵀr over the other parts: sums over all rows less those of the part left out.
     grams = np.array([rows.white_features[part].T @ rows.white_features[part] for part in parts])
     moments = np.array([rows.white_features[part].T @ rows.white[part] for part in parts])
     gram, moment = grams.sum(axis=0), moments.sum(axis=0)
@@ -209,6 +214,8 @@ def _rows(fit: FitResult, used: Sequence[int], features: Sequence[Floats], chann
     every = -(-count // _MANY)
     for place, (index, of_record) in enumerate(zip(used, features, strict=True)):
         record, ok, whitener = problem.records[index], problem.ok[index], problem.whiteners[index]
+        # W·Φ of this channel alone: the whitener of a record takes all channels, so the features are put into
+        # the column of the channel, and zeros into the others.
         error = np.where(ok, fit.outputs[index] - np.where(ok, record.values, 0.0), 0.0)
         here = np.flatnonzero(whitener.rows[:, 1] == channel)[::every]
         samples = whitener.rows[here, 0]
@@ -218,6 +225,8 @@ def _rows(fit: FitResult, used: Sequence[int], features: Sequence[Floats], chann
             alone = np.zeros((*error.shape, piece.shape[1]))
             alone[:, channel] = piece
             white[:, first : first + _COLUMNS] = whitener(alone)[here]
+        # Whole records where there are enough of them, else a tenth of each, another one in every record, so
+        # that a part holds every phase of the records.
         if len(used) >= _RECORDS:
             fold = np.full(samples.size, place % _FOLDS)
         else:
@@ -233,6 +242,7 @@ def _features(fit: FitResult, used: Sequence[int]) -> list[Floats]:
     for index, record in zip(used, records, strict=True):
         courses = [record.input_course(k) for k in range(len(fit.problem.measurements.inputs))]
         inputs = np.column_stack([*courses, np.empty((record.times.size, 0))])
+        # Inputs of the sample before, the model's own outputs of the same one.
         before = np.vstack([inputs[:1], inputs[:-1]])
         signals.append(np.column_stack([before, np.nan_to_num(fit.outputs[index])]))
     scaled = _scaled(signals)
@@ -254,6 +264,8 @@ def _of_signals(times: Floats, signals: Floats) -> Floats:
     step = duration / (times.size - 1)
     constants = np.geomspace(2.0 * step, max(duration / 3.0, 4.0 * step), _FILTERS)
     slow = [_low_passed(times, signals, float(constant), step) for constant in constants]
+    # What the signal does faster than the shortest filter, and a smooth sign of it: dry friction changes with
+    # the sign of a speed.
     change = signals - slow[0]
     size = np.sqrt(np.mean(change**2, axis=0))
     sign = np.tanh(change / np.where(size > 0.0, size, 1.0))

@@ -1,4 +1,10 @@
-"""Does the model agree with the data within the noise? Up to three tests, none of which may reject.
+"""Does the model agree with the data within the noise? Up to four tests, none of which may reject.
+
+In: a linearisation with the fitted unknowns projected off, and the scores of the library. Out: `Adequacy`.
+No test sees everything: `score` what an effect of the library would remove, `plane` what changes with the
+operating point, ``chi2`` any misfit if it is large, ``inputs`` errors that follow a past input, where no
+noise level is known. That none rejects is no agreement yet: channels whose noise is not known are `unproven`
+until their errors are shown to be noise.
 
 Also the variance factor of the residuals of an inadequate model, by which differences between models are
 discounted.
@@ -142,6 +148,7 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
     tests = {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
+    # A table has no order in time: neither its noise nor its errors have a correlation that could be tested.
     sensors = sensor_budget(fit)
     if fit.problem.measurements.table:
         return Adequacy(tests, sensors=sensors)
@@ -153,6 +160,8 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
         tests |= {"inputs": _inputs_test([found[one.name] for one in floors if one.name in found])}
         if len(floors) == len(fit.problem.noise.channels):
             del tests["chi2"]
+    # Tests can only reject. That errors are noise has to be shown for each channel whose noise is not known:
+    # white at the floor, or within what the rig file states.
     open_ = _not_white(fit, found)
     result = Adequacy(
         tests,
@@ -270,10 +279,14 @@ def plane_test(projected: Projected) -> Test:
     With M the regressors in whitened rows, ``χ² = r̃ᵀM̃(M̃ᵀM̃)⁺M̃ᵀr̃``, M̃ = (I − P_J)M.
     """
     lin = projected.linearisation
+    # In whitened rows: the sum of the residuals of each phase and channel (E), times each function of the
+    # operating point. A pattern within a phase cancels in the sum, and is left to the other tests.
     columns = np.vstack([_outer(lin.records[k].regions, lin.regions.plane(k)) for k in projected.records])
     independent = projected.project(columns)
     lengths = np.linalg.norm(independent, axis=0)
     full_lengths = np.linalg.norm(columns, axis=0)
+    # What the fitted unknowns absorb but for a thousandth cannot be tested; the rank of the rest is the
+    # number of degrees of freedom.
     good = lengths > 1e-3 * np.where(full_lengths > 0.0, full_lengths, 1.0)
     good &= full_lengths > 0.0
     if not good.any():
@@ -295,6 +308,9 @@ def chi2_test(projected: Projected) -> Test:
     if projected.noise_degrees:
         known = projected.noise_degrees
         return Test(statistic, chi2_tail(statistic, dof, known), dof, known=known)
+    # σ² of a channel is itself an estimate: with ν degrees of freedom, n·F(n, ν) has about 2n²/ν more
+    # variance than χ²(n). With several channels of different ν there is no such F, and the sum is treated as
+    # normal.
     extra = 0.0
     problem = lin.fit.problem.only(lin.fit.fitted)
     for c, channel in enumerate(problem.noise.channels):

@@ -1,4 +1,10 @@
-"""The time series of a model's error within the records: when it has which sign, and on what it depends."""
+"""The time series of a model's error within the records: when it has which sign, and on what it depends.
+
+In: a fit and one of its channels. Out: `Stretch`es of time, and a variable that the records' errors in one of
+them follow. The mean over the records of model less measured is taken in parts of each phase, because their
+noise averages out and what the model lacks does not; for records that no fit saw, whose error has to be
+described even where no effect explains it.
+"""
 
 from __future__ import annotations
 
@@ -74,6 +80,7 @@ def _timed(fit: FitResult) -> bool:
 def _parts(fit: FitResult, column: int) -> list[Stretch]:
     """The parts of every phase in order of time; the peak of an insignificant part is 0."""
     channel = fit.problem.measurements.outputs[column]
+    # The mean of n readings with correlation ρ of neighbours has the standard error σ·√((1 + ρ)/(1 − ρ)/n).
     noise = fit.problem.noise.channels[column]
     sigma = float(fit.problem.noise.sigma[column])
     spread = math.sqrt((1.0 + noise.correlation) / (1.0 - noise.correlation))

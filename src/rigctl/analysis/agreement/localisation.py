@@ -1,6 +1,9 @@
 """Where does the model fail? By condition, phase, channel and state, with p-values.
 
-The z-map holds the residual of every record × phase × channel in its standard deviations.
+In: a linearisation. Out: `Place`s, each with its share of the systematic error, and a `CellMap` for the page.
+The z-map holds the residual of every record × phase × channel in its standard deviations. A place is looked
+at because it is the worst of many, so that its p-value is that of the largest of all cells, which are
+correlated through the fitted unknowns.
 """
 
 from __future__ import annotations
@@ -103,12 +106,16 @@ def cell_map(projected: Projected, seed: int = 0) -> CellMap:
         sums.append(regions.T @ projected.residual[rows])
         couplings.append(projected.basis[rows].T @ regions)
         squares.append(regions.T @ regions)
+    # Var(z) before scaling is diag G: less than the number of readings, because the fit has followed some of
+    # the noise of each cell. A cell of which it followed nearly everything has nothing to test.
     variance = np.array(
         [np.diag(square) - np.square(c).sum(axis=0) for square, c in zip(squares, couplings, strict=True)]
     )
     present = variance > _LEAST_VARIANCE
     root = np.sqrt(np.where(present, variance, 1.0))
     z = np.where(present, np.array(sums) / root, np.nan)
+    # The largest of many correlated cells: its distribution when nothing is wrong is drawn from their
+    # covariance.
     draws, degrees = _draws(squares, couplings, present, root, seed), projected.noise_degrees
     if degrees and draws.size:
         generator = np.random.Generator(np.random.PCG64([seed, degrees]))

@@ -257,6 +257,9 @@ class _Inverse:
 
     @classmethod
     def of(cls, fit: FitResult) -> _Inverse:
+        # Block elimination: the joint normal matrix has a block A_i for each record, and couples records
+        # through the shared unknowns alone. Its inverse follows from the blocks and from the Schur complement
+        # of the shared ones, so that thousands of records need no matrix of all their unknowns.
         problem = fit.problem.only(fit.fitted)
         blocks = problem.evaluate(fit.values, [fit.local[k] for k in fit.fitted], derivatives=True)
         if isinstance(blocks, Refused):
@@ -332,12 +335,15 @@ def _tests(
     separable = values > _LEAST_SEPARABLE
     if not separable.any():
         return math.nan, "", math.nan
+    # In the directions that the data show at all: of an unknown that they hardly determine the estimate stays
+    # at the prior's mean, and its small deviations would be evidence for nothing.
     along = vectors[:, separable].T @ (off / prior)
     p_value = chi2_tail(float(np.sum(along**2 / values[separable])), int(separable.sum()))
     if not trends:
         return p_value, "", math.nan
     best, tried = ("", math.nan), 0
     for name, x in _operating(fit, [record for record, _ in indices]):
+        # l = x − x̄; in units of the prior ``lᵀû'/√(lᵀ(G − C)l)``.
         contrast = (x - x.mean()) * prior
         projected = vectors[:, separable].T @ contrast
         statistic = float(np.sqrt(np.square(projected) @ values[separable]))

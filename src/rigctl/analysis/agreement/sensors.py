@@ -193,6 +193,9 @@ class SensorBudget:
 
     def _deciding_share(self, misreading: Misreading | WrongClock) -> float:
         """The largest share of its stated uncertainty at which a right sensor leaves a misfit; 0 if none."""
+        # From C and the priors back to what the data alone say: I = C⁻¹ − P⁻¹ and h = C⁻¹ĉ, all in units of
+        # the priors' standard deviations. A calibration of the share s of what is stated has the prior s²:
+        # least χ² as a function of s, without another fit.
         free = np.flatnonzero(np.diag(self.covariance) > 0.0)  # a part at its bound has none
         prior = np.array([self.errors[k].std for k in free])
         covariance = self.covariance[np.ix_(free, free)] / np.outer(prior, prior)  # in units of the priors
@@ -280,6 +283,8 @@ def _misreading(
 ) -> Misreading:
     """Of one calibration: its parts, their estimates and their covariance."""
     channel, number = errors[0].channel, errors[0].number
+    # The error is a curve over the readings: it is judged where it is largest within those of the fitted
+    # records, as one part (zero, gain, curvature) may make up for another.
     readings = _readings(fit, channel)
     shapes = np.stack([one.basis(readings) for one in errors])
     curve = estimate @ shapes

@@ -240,6 +240,7 @@ def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> D
         *(level(slot) for slot in reading),
     ]
     slopes = _slopes(fit, with_system(problem, fit, compiled, spacing), names)
+    # Slots of the equations: one hat function after the other, through the motion to every reading.
     count = len(moving) * knots
     parts = [
         ColumnGroup(slot, "time", slice(k * knots, (k + 1) * knots), knots) for k, slot in enumerate(moving)
@@ -249,6 +250,8 @@ def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> D
         [np.tile(tents(record.times - record.switch_times[0], knots, spacing), (1, len(moving)))]
         for record in problem.records
     ]
+    # Slots of readings: no motion follows, so that one derivative times any function of time, reading or rate
+    # is the change by a disturbance of that form. For a table "time" means its inputs.
     for index, slot in enumerate(reading):
         steps = [array[:, :, len(moving) * knots + index] for array in slopes]
         grid = (knots, spacing) if moving else (knots, 0.0)

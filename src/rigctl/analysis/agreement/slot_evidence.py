@@ -184,6 +184,7 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
     """
     if not fit.problem.model.family.slots:  # no location for a term
         return ()
+    # A subset suffices to rank slots, and keeps the cost independent of the size of a campaign.
     fit = some_records(fit)
     problem = fit.problem
     knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS
@@ -202,8 +203,12 @@ class _Ranking:
 
 
 def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotEvidence, ...]:
+    # 1. Unit disturbances at every knot of every slot, as changes of the readings.
     columns = disturbance_columns(fit, problem, model)
+    # 2. BᵀB, BᵀJ, Bᵀr in whitened rows, each record's own unknowns projected off: small, however
+    #    many samples there are.
     normals = disturbance_normals(fit, problem, columns)
+    # 3. The prior over records: a part that is smooth in the operating point, and one of each record alone.
     features = _features(make_regions(problem).conditions)
 
     def found(parts: tuple[ColumnGroup, ...]) -> _Found | None:

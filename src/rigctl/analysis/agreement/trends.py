@@ -1,4 +1,10 @@
-"""Trends over each operating variable, as measured and as modelled, in words."""
+"""Trends over each operating variable, as measured and as modelled, in words.
+
+In: a fit. Out: a `Trend` for each channel and operating variable. Each record counts as one number (a stroke,
+or a final level), which is regressed on the variables: the predictions have the record-level unknowns at
+their expected values, since fitted ones may have compensated for a wrong model. A trend shows a person what
+the tests find without saying it: that the model changes in the wrong direction.
+"""
 
 from __future__ import annotations
 
@@ -95,6 +101,8 @@ def trends(fit: FitResult) -> tuple[Trend, ...]:
         name: np.array([record.condition.get(name, math.nan) for record in records])
         for name in measurements.variables
     }
+    # A command that is no operating variable, but differs between records, is a column of the plane as well:
+    # its influence must not be taken for that of a variable that happens to go with it.
     levels = [commanded_levels(measurements, record) for record in records]
     commands = {
         name: np.array([level.get(name, math.nan) for level in levels])
@@ -107,6 +115,8 @@ def trends(fit: FitResult) -> tuple[Trend, ...]:
         for variable in points:
             if variable == quantity:
                 continue
+            # One number for each record, regressed on 1, this variable, the others and the commands: the
+            # coefficient of the variable is what it does with the others held.
             plane = _plane(variable, points, commands, np.isfinite(measured))
             if plane is not None:
                 trend = _trend(

@@ -63,6 +63,7 @@ def uncertainty_budgets(fit: FitResult) -> tuple[UncertaintyBudget, ...]:
             continue
         if not 0.0 < variance < math.inf:
             continue
+        # The priors' parts are computed, and the readings bring the rest of the variance: shares add up to 1.
         shares: dict[str, float] = {}
         for source, part in _parts(fit, solution, row):
             shares[source] = shares.get(source, 0.0) + part / variance

@@ -130,6 +130,8 @@ def judge_fmu(
             value=clocks[0].clock,
             hint="Compare it with a rig file without clocks",
         )
+    # The sign test counts records, not readings: what both models lack makes the readings of a record
+    # dependent.
     simulated = run_fmu(path, fitted, on_progress, patience)
     indices = fitted.held_out or fitted.fitted
     theirs, ours = _alike(fitted, simulated)

@@ -1,4 +1,9 @@
-"""Simulates records with an FMU, from the initial values at which it fits them best."""
+"""Simulates records with an FMU, from the initial values at which it fits them best.
+
+In: an FMU, and a fit whose records it is to be compared on. Out: its outputs for each record, SI. An FMU is a
+program: it runs in a process of its own, for a limited time, and has no derivatives, so that its initial
+values are found by finite differences.
+"""
 
 from __future__ import annotations
 
@@ -188,6 +193,8 @@ def _best(simulations: _Simulations, problem: Problem, index: int) -> Floats:
     """The outputs for a record from the initial values at which the FMU fits it best."""
     record, columns = problem.records[index], simulations.columns
     begin, step = _first_readings(problem, index), _BESIDE * problem.sigma[index][0]
+    # From the first readings, from each of them shifted by five sigmas, and from where the linear problem has
+    # the least error: an FMU gives no derivatives.
     base = simulations.run(record, begin)
     if not columns:
         return base

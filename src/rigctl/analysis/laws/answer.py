@@ -1,4 +1,10 @@
-"""The laws of the effects that a diagnosis names, or that its model has, as the data support them."""
+"""The laws of the effects that a diagnosis names, or that its model has, as the data support them.
+
+In: a search and the set whose effects are asked for. Out: a `LawAnswer` for each effect and variable: the
+assumed term, the curve that the data support, and an exponent. The linear problem decides whether the data
+support another law at all (`posterior`); only then is a power fitted (`power_law`), because a fit of the
+whole model is needed for it.
+"""
 
 from __future__ import annotations
 
@@ -208,6 +214,9 @@ def _takes_all(one: LawAnswer, trial: RefittedSet, count: int) -> bool:
 
 def _of_effect(search: Search, best: RefittedSet, laws: list[EstimatedLaw]) -> list[LawAnswer]:
     """The answers for one effect: a power of the variable that explains most is fitted."""
+    # The linear problem says whether the data support another law. Only then a power of one variable, the one
+    # that explains most, is fitted with everything else; the other variables are judged again at that fit,
+    # since a wrong law over one variable is partly absorbed by splines over another.
     asking = [law for law in laws if law.differs or law.clear]
     if not asking:
         return [_plain(law, best) for law in laws]
@@ -236,6 +245,7 @@ def _beside(law: EstimatedLaw, after: EstimatedLaw | None) -> EstimatedLaw:
 
 
 def _fitted(law: EstimatedLaw, after: EstimatedLaw, power: PowerLaw, best: RefittedSet) -> LawAnswer:
+    # The family-wise level counts all laws tested; σ of the exponent is widened by what the fit leaves.
     std = math.hypot(power.std * math.sqrt(after.noise), _ROUNDING)
     assumed = law.assumed_exponent
     z = (power.exponent - (assumed or 0.0)) / std if std > 0.0 else math.inf

@@ -180,16 +180,22 @@ def _law(
 
     `noise` is the variance of whitened residuals; if None, that which the widest discrepancy leaves.
     """
+    # The splines of this variable are the question (columns); those of all other laws are nuisances within
+    # the tolerance, so that an error of one law is not read as a shape of another.
     of_discrepancy = np.zeros(len(shaped.shapes), dtype=bool)
     of_discrepancy[discrepancy.columns] = True
     weights = np.where(of_discrepancy, 1.0, SHAPE_TOLERANCE)
     rows = _rows(shaped, weights)
     projected = project(_with_other_discrepancies(shaped, of_discrepancy))
     columns, residual = projected.signatures[:, of_discrepancy], projected.residual
+    # Where the model leaves more than noise, the residuals beside the widest discrepancy are the scale of the
+    # errors: otherwise any misfit from elsewhere would make a law significant.
     if noise is None:
         absorbed = _evidence(columns * _WIDTHS[-1], residual)[1]
         noise = max(1.0, (float(residual @ residual) - absorbed) / max(projected.dof, 1))
     columns, residual = columns / math.sqrt(noise), residual / math.sqrt(noise)
+    # The width τ by the largest evidence (empirical Bayes); its choice, and that among the laws, is paid for
+    # in `price`.
     width, evidence, explained = min(
         ((one, *_evidence(columns * one, residual)) for one in _WIDTHS), key=lambda known: known[1]
     )
@@ -285,6 +291,9 @@ def _posterior(
 ) -> tuple[Floats, Floats]:
     """(points) The term that the data support and its standard deviation: the combined result of the effect's
     fitted sizes and the discrepancy, with all other unknowns free as well."""
+    # Joint least squares of nuisances (no prior here, theirs are rows) and scaled splines with prior N(0, 1):
+    # cov = (XᵀX + P)⁻¹, mean = cov·Xᵀr. `acts` is the derivative of the term at each point by every unknown,
+    # so that the band contains the uncertainty of the effect's size as well.
     shapes = np.where(of_discrepancy, width, 1.0) * rows.shapes
     joint = np.hstack([rows.nuisance, shapes]) / math.sqrt(noise)
     scale = np.linalg.norm(joint, axis=0)
@@ -321,6 +330,7 @@ def _power_change(
 ) -> tuple[float, float]:
     """δ of ``T·|x|^δ`` and its standard deviation, to first order; 0 and infinite if undetermined."""
     largest = float(np.abs(x).max())
+    # ln|x| in the basis of the splines: to first order T·|x|^δ = T·(1 + δ·ln|x|), rounded near 0.
     wanted = 0.5 * np.log(np.square(x / largest) + _CORNER**2)
     coefficients = np.linalg.lstsq(_basis(discrepancy, x), wanted, rcond=None)[0]
     signature = columns @ np.linalg.solve(discrepancy.root, coefficients)

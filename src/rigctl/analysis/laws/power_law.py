@@ -67,6 +67,7 @@ def fit_power(law: EstimatedLaw, trial: RefittedSet) -> PowerLaw | None:
     definition = power_effect(law, trial.fit.at_end)
     if definition is None:
         return None
+    # The fit starts at the exponent that the linear problem predicts, but no further than that is valid.
     effect, terms = definition
     base = law.assumed_exponent or 0.0
     begin = base + float(np.clip(law.change, -_BEGIN, _BEGIN))

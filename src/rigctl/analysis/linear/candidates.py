@@ -1,7 +1,10 @@
 """The effects that a model may lack: those of the library that it does not have and that do not contradict
 it.
 
-Thresholds are searched over the range that the data cover.
+In: a model, and the ranges that the measurements cover. Out: `Candidate`s, each an effect at one choice of
+its shape parameters, or at one finite size: a linear problem has a column for a size, and none for a
+threshold or an exponent, which are therefore tried over a grid. Thresholds are searched over the range that
+the data cover, as beyond it they change nothing.
 """
 
 from __future__ import annotations
@@ -117,6 +120,8 @@ def candidates(
     excluded: names of effects that are not to be considered.
     ranges: of the measurements, over which thresholds are searched.
     """
+    # An effect is impossible beside one that it replaces or that replaces it: the two would add the same term
+    # twice.
     present = [model.effect(name) for name in model.effects]
     impossible = {name for effect in present for name in (effect.name, *effect.instead_of)} | {*excluded}
     tried: list[Candidate] = []
@@ -159,6 +164,8 @@ def at_each_shape(effect: Effect, ranges: Ranges | None = None) -> Iterator[Cand
     switched_on = [
         (qualified(effect.name, one.name), amplitude) for one in switching for amplitude in one.grid
     ]
+    # With a threshold: at each size of the grid, by the secant from there to the null. Without one: by its
+    # slope at the null, once if it has no shapes, else at each shape.
     for name, amplitude in switched_on:
         yield Candidate(effect, columns, signs, {}, {name: amplitude})
     measured = [one for one in effect.parameters if one.shape and one.within in known and one.shares]

@@ -1,8 +1,10 @@
 """Does an effect predict data that it was not fitted to? One temperature, pressure or run is left out at a
 time.
 
-The linearised problem at the refitted point is used: the residuals without the effect are ``r + S·φ̂`` there,
-and the fit of every fold is a small linear one.
+In: a linearisation at a refit with the effect among its nuisances. Out: a `CrossValidation`. The residuals
+without the effect are ``r + S·φ̂`` at that point, and the fit of every fold is a small linear one: with and
+without the effect, for each fold, refits of the whole model would take minutes. Where the linear problem
+predicts a significant loss, the fold is repeated with refits.
 """
 
 from __future__ import annotations
@@ -84,6 +86,8 @@ def held_out_gain(
     )
     every = list(range(len(lin.nuisances)))
     rest = [k for k in every if k not in indices]
+    # The linearisation is at the fit *with* the effect: its residual is r. Without the effect the residual
+    # there is r + S·φ̂ (`off`), and the fit without it may move the other nuisances (`rest`) to compensate.
     residuals = [record.residual for record in lin.records]
     off = [record.residual + record.nuisance[:, indices] @ amplitudes for record in lin.records]
     if held is not None:
@@ -93,9 +97,14 @@ def held_out_gain(
         inside = [k for k in range(len(lin.records)) if k not in outside]
         if not _determined(lin, inside, indices, amplitudes):
             continue
+        # Both are fitted to the records inside, by small linear problems, and compared on those outside.
+        # Record-level unknowns of the latter are projected off as in any record, since no model
+        # predicts how a valve was set.
         with_it = _outside_residuals(lin, residuals, inside, outside, every)
         without = _outside_residuals(lin, off, inside, outside, rest)
         squares = float(without @ without), float(with_it @ with_it)
+        # gain = ‖r_without‖² − ‖r_with‖²; with p the difference of the two predictions its standard deviation
+        # is 2‖p‖.
         spread = 2.0 * float(np.linalg.norm(without - with_it))
         if refitted is not None and squares[0] - squares[1] < FOLD_LOSS * spread:
             squares = refitted(outside) or squares
@@ -126,6 +135,8 @@ def _determined(
     """
     if not indices:
         return True
+    # λ of the effect in the records inside, the other nuisances projected off, as in `Projected`; columns are
+    # scaled to unit length, because the unknowns' units differ by many powers of ten.
     weight = lin.prior[0]
     matrix = np.vstack([*(lin.records[k].nuisance for k in inside), weight])
     rest = [k for k in range(matrix.shape[1]) if k not in indices]

@@ -103,6 +103,8 @@ def unexplained(linearisation: Linearisation, full_problem: Problem) -> Unexplai
     problem = full_problem.only(fit.fitted)
     local = [fit.local[k] for k in fit.fitted]
     slopes = slopes_at(problem, fit, linearisation.nuisances, linearisation.candidates, local)
+    # As `linearise`, but in the rows of the readings and not reduced to triangles: changes of readings that
+    # are computed later have to be projected by the same bases.
     record_local, nuisance, signatures = [], [], []
     for k, whitener in enumerate(problem.whiteners):
         basis = record_local_rows(problem, k, slopes, local[k], fit.outputs[fit.fitted[k]])[0]

@@ -117,6 +117,8 @@ class Linearisation:
         A parameter that the fit left at its bound is no nuisance. Shapes become nuisances with a normal prior
         of standard deviation `tolerance`; at 0 they are left out, or kept in S with `shaped`.
         """
+        # 1. Columns that leave S: those of the members, if the fit could move them, and the discrepancies of
+        #    the laws.
         moved = [
             (self.starts[index] + k, name)
             for index in fitted
@@ -127,6 +129,7 @@ class Linearisation:
         shapes = range(self.full_lengths.size - len(discrepancies), self.full_lengths.size)
         joined = [*(column for column, _ in moved), *shapes]
         scale = np.array([*np.ones(len(moved)), *np.full(len(discrepancies), tolerance)])
+        # 2. Columns that stay in S: those of the remaining candidates.
         columns = [
             column
             for index in remaining
@@ -136,6 +139,8 @@ class Linearisation:
             columns += range(self.full_lengths.size - len(self.shapes), self.full_lengths.size)
         chosen = tuple(self.candidates[index] for index in remaining)
         starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
+        # 3. Priors: none for an effect's parameters, which are free; a unit one for each discrepancy, whose
+        #    column was multiplied by its standard deviation instead.
         weight, residual = self.prior
         priors = np.diag([*np.zeros(len(moved)), *np.ones(len(shapes))])
         more = len(joined)
@@ -262,12 +267,16 @@ def _record(
     whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
     measured = np.where(ok, record.values, 0.0)
     residual = whitener(np.where(ok, measured - outputs, 0.0))
+    # W·[J S]: from here on every row has unit variance for a right model, and rows are independent. Columns
+    # are in σ per SI unit of their parameter.
     white = whitener(np.concatenate([slopes.nuisance[k], slopes.signatures[k]], axis=2))
     if not np.isfinite(white).all():
         raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
     p = slopes.nuisance[k].shape[2]
     squares = np.square(white[:, p:]).sum(axis=0)
     rows = np.column_stack([white, regions.of_record(first + k, whitener.rows), residual])
+    # The record's own unknowns, with rows for their priors: [W·L; diag(1/σ_prior)]. They are projected off
+    # here, record by record, since they would make the joint matrix as wide as there are records.
     local_basis, weight, prior_residual = record_local_rows(problem, k, slopes, local, outputs)
     count = whitener.size + int((weight > 0.0).sum())
     if weight.size:
@@ -276,6 +285,9 @@ def _record(
         rows = np.vstack([rows, prior_part])
         rows = rows - local_basis @ (local_basis.T @ rows)
         count -= local_basis.shape[1]
+    # R of the QR decomposition of [J S E r] has the same inner products with as many rows as there are
+    # columns. All tests use inner products only, so that a record of a million samples now costs the same as
+    # a short one.
     triangle: Floats = np.asarray(np.linalg.qr(rows, mode="r")) if rows.shape[0] > rows.shape[1] else rows
     e = p + slopes.signatures[k].shape[2]
     return (

@@ -80,6 +80,8 @@ class _RecordLocal:
 
 def evidence(component: Component, normal: Normal, features: Floats) -> Evidence:
     """Evidence of a component; `features` (records, f) are φ, with f = 0 if only δ is estimated."""
+    # In the eigenvectors of BᵀB of each record the part of that record alone is diagonal: integrating it out
+    # is a weight u/(1 + u·λ) for each direction, at any u of the grid.
     values, vectors = np.linalg.eigh(component.square)
     values = np.maximum(values, 0.0)
     rotated = Component(
@@ -87,6 +89,8 @@ def evidence(component: Component, normal: Normal, features: Floats) -> Evidence
         np.einsum("cki,ckp->cip", vectors, component.cross, optimize=True),
         np.einsum("cki,ck->ci", vectors, component.gradient),
     )
+    # Relative to the model without a component: θ is integrated out on both sides (restricted likelihood), so
+    # that components that the fitted unknowns can imitate gain nothing.
     nothing = _restricted(normal.matrix, normal.gradient)
     squares: list[tuple[float, float, float]] = []
     for strength in _OWN:
@@ -95,6 +99,7 @@ def evidence(component: Component, normal: Normal, features: Floats) -> Evidence
         squares += [(gain - nothing, strength**2, square) for gain, square in shared]
     likelihoods = np.array([one[0] for one in squares])
     top = int(np.argmax(likelihoods))
+    # The mean over the grid of (u, v), not the maximum: a component does not win by having its size tuned.
     mean = likelihoods[top] + np.log(np.mean(np.exp(likelihoods - likelihoods[top])))
     _, u, v = squares[top]
     record_local = _without_record_local(component, rotated, normal, values, features, u)

@@ -101,12 +101,16 @@ def project(linearisation: Linearisation, indices: Sequence[int] | None = None) 
     chosen = tuple(range(len(linearisation.records))) if indices is None else tuple(indices)
     records = [linearisation.records[k] for k in chosen]
     weight, prior = linearisation.prior
+    # Rows of all records, then a row for each prior of a shared unknown. With Q an orthonormal basis of J: S̃
+    # = S − Q·QᵀS and r̃ = r − Q·Qᵀr. At the end of a fit Qᵀr is 0, except for bounds and tolerances.
     nuisance = np.vstack([*(one.nuisance for one in records), weight])
     signatures = _stack(records, "signatures", weight.shape[0])
     residual = np.concatenate([*(one.residual for one in records), prior])
     basis, inverse = _span(nuisance)
     remaining = signatures - basis @ (basis.T @ signatures)
     full = linearisation.full_lengths
+    # `signatures` has the record-level unknowns projected off already: the two ratios to the full length say
+    # how much of a signature these absorb, and how much the shared ones absorb of the rest.
     after_all, after_local = np.linalg.norm(remaining, axis=0), np.linalg.norm(signatures, axis=0)
     explained = basis @ (basis.T @ residual)
     if linearisation.fit.problem.measurements.table and float(explained @ explained) > _STUCK:

@@ -29,6 +29,8 @@ def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
     unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
     signatures = projected.signatures * unit
     cosines = signatures.T @ signatures
+    # One matrix of cosines serves all pairs: the gain of a pair needs its own block of it and its scores, and
+    # no further projection.
     z = signatures.T @ projected.residual
     columns = {
         index: np.flatnonzero(usable[lin.columns_of(index)]) + lin.starts[index]

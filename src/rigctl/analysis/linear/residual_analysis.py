@@ -120,6 +120,8 @@ def _correlations(name: str, errors: list[Floats], courses: dict[str, list[Float
     lags = min(LAGS, count // 4)
     sums = autocovariance(errors, lags)
     auto = sums / sums[0] if sums[0] > 0.0 else np.zeros(lags + 1)
+    # Prewhitening: two slow series correlate by chance with each other over hundreds of samples. Filtered by
+    # the errors' own autoregression, the errors are white, and the correlation at each lag has variance 1/n.
     filter_ = _autoregression(errors)
     innovations = [_filtered(piece, filter_) for piece in errors]
     inputs, inputs_p = {}, {}

@@ -74,6 +74,8 @@ def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> S
     untestable = tuple(name for name in by_effect(lin.candidates) if name not in testable)
     if not tests:
         return Screening((), untestable, 1.0, 0.0)
+    # Signatures of unit length: z = s̃ᵀr̃/‖s̃‖ has unit variance for a right model, and two scores are
+    # correlated by the cosine of their signatures. `unit` converts amplitudes of unit columns back to SI.
     unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
     signatures = projected.signatures * unit
     cosines = signatures.T @ signatures
@@ -95,6 +97,8 @@ def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> S
         )
         for index, columns, gain, p, amplitudes in tested
     ]
+    # The shapes of one effect compete as separate tests, and the family-wise p counts all of them: the best
+    # one can then be taken without a further correction.
     best = _best_of_each(scores)
     top = max(best, key=lambda score: (-score.p_value, score.gain))
     return Screening(tuple(best), untestable, top.p_value, top.z)
@@ -109,6 +113,8 @@ def null_of_best(projected: Projected, seed: int = 0) -> Floats:
     unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
     signatures = projected.signatures * unit
     cosines = signatures.T @ signatures
+    # z ~ N(0, C) by the square root of C; for a noise of few degrees of freedom one factor √(ν/χ²_ν) for a
+    # whole draw, because all scores share the same σ. Every draw goes through the same cones as the data.
     draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
     # among effects with the same distribution of the gain, the largest gain has the smallest p-value
     largest: dict[tuple[int, bool], tuple[Floats, list[int]]] = {}

@@ -62,6 +62,8 @@ def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float
     """
     from scipy.special import ndtri, stdtr
 
+    # Δ_g, summed over the records of a condition: these share what both models lack there, and are not
+    # independent observations of which model is better.
     groups = [best.problem.records[k].group for k in best.fitted]
     if len(set(groups)) < 2:
         groups = list(range(len(best.fitted)))

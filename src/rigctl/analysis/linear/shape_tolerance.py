@@ -111,7 +111,10 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
     wanted = [(effect, driver) for effect in effects for driver in drivers(effect)]
     if not wanted:
         return ShapeColumns((), nothing)
+    # 1. The variables along the fitted trajectories: the knots follow what these data visit.
     simulated = at.simulate(np.empty(0), local).require()
+    # 2. For each law and variable, columns of the derivative by the effect's size, weighted by each spline
+    #    along the trajectory: ∂y/∂b_k at b = 0, without compiling any equation.
     discrepancies: list[LawDiscrepancy] = []
     arguments: list[SplineArgument] = []
     columns: list[SplineColumn] = []
@@ -127,6 +130,9 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
         discrepancies.append(LawDiscrepancy(effect.name, driver, knots, slice(first, len(columns)), root))
     if not discrepancies:
         return ShapeColumns((), nothing)
+    # 3. One simulation with all columns. Those of one law are multiplied by L, K = L·Lᵀ: the unknowns are
+    #    then independent, with the same standard deviation τ, which is all that the tests need to know of the
+    #    prior.
     readings: list[Floats] = []
     for part in at.parts(len(columns)):
         some = at.only(part)

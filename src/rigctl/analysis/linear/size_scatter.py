@@ -196,6 +196,8 @@ def size_scatter(lin: Linearisation, effect: str) -> SizeScatter | None:
     names = _records_of(lin, effect)
     if not names:
         return None
+    # Everything else is projected off. With A = S̃ᵀS̃ and g = S̃ᵀr̃ the evidence is that of b ~ N(0, τ²I), at
+    # the most likely of a few τ; choosing among them costs 2·ln of their number.
     projected = project(lin)
     first = projected.signatures.shape[1] - len(lin.shapes)
     columns = projected.signatures[:, [first + lin.shapes.index(name) for name in names]]
@@ -204,6 +206,8 @@ def size_scatter(lin: Linearisation, effect: str) -> SizeScatter | None:
     width = min(costs, key=lambda one: costs[one])
     required = costs[width] + 2.0 * math.log(len(_WIDTHS)) < -LEAST_DIFFERENCE
     sizes: Floats = np.asarray(np.linalg.solve(square + np.eye(len(names)) / width**2, slope))
+    # A size that follows the operating point is no scatter: the effect then depends on something, contrary to
+    # its law. `follows` speaks against the effect, `counts` lets the scatter count as explained by it.
     conditions = lin.regions.conditions[list(names.values())]
     weights = np.sqrt(np.diag(square))
     follows = required and _trend_chance(sizes, weights, conditions, 1) < ALPHA

@@ -1,4 +1,9 @@
-"""Derivatives of the readings of a fitted model: by its unknowns, and by candidates at their null or size."""
+"""Derivatives of the readings of a fitted model: by its unknowns, and by candidates at their null or size.
+
+In: a fit, and its data with the equations of the whole library. Out: `Slopes`, not whitened, SI. An effect
+that is off has an exact derivative, integrated with the states; one with a threshold has none, and its column
+is a secant. Simulations are what a linearisation costs, so that as many columns as possible share one.
+"""
 
 from __future__ import annotations
 
@@ -65,6 +70,8 @@ def slopes_at(
     Simulates once with every column, and once more for each further choice of shapes and each finite size.
     """
     base = base_at(problem, fit)
+    # 1. One simulation has the derivatives by everything that can be had at the same parameter values:
+    #    unknowns, and effects in their usual shape, or in the first of their grid if they are off.
     first = _shaped_first(fit, chosen)
     at = problem.with_shared((), _with_shapes(problem, base, [chosen[index] for index in first]))
     plain = [
@@ -77,8 +84,10 @@ def slopes_at(
     simulated = at.simulate(np.empty(0), local, columns, initial=True).require()
     index = {name: k for k, name in enumerate(simulated.columns)}
     every = [np.take(array, problem.channels, axis=1) for array in simulated.sensitivities]
+    # 2. Other shapes, and secants at finite sizes, need simulations of their own.
     further = {k: one for k, one in enumerate(chosen) if one.shapes and k not in first}
     elsewhere = _shaped(at, base, further, local) | _sized(at, base, chosen, local, simulated.outputs)
+    # 3. All are put together in the order of the candidates.
     starts = np.cumsum([0, *(len(one.columns) for one in chosen)])
     direct = [k for k in range(len(chosen)) if k not in elsewhere]
     into = [column for k in direct for column in range(starts[k], starts[k + 1])]

@@ -155,11 +155,15 @@ def _by_itself(
     names: the member and the effects that are not distinguished from it beside the others.
     laws, scatters: of the set, which count as well.
     """
+    # Nothing is certain of a member alone if anything in the tests is in question: its size, the noise, or
+    # whether it leaves little enough to be the right cause.
     search, (name,) = answer.search, alone.effects
     doubted = name in (*answer.best.undetermined, *answer.best.unusual)
     wrong_noise = answer.remaining is not None and answer.remaining.below_noise
     if doubted or wrong_noise or not search.tolerance or not search.sure(alone) or search.below_noise(alone):
         return None
+    # Alone it is compared with rivals again, since beside the other member other effects may have looked
+    # alike. Both classes, both sets of laws and scatters count: a level must hold in both situations.
     (also,) = classes_of(alone, find_rivals(search, alone))
     classes = (tuple(dict.fromkeys([*names, *also])),)
     checks = cross_validations(search, alone)
@@ -174,6 +178,7 @@ def _levels(
     answer: FoundSet, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]
 ) -> tuple[Levels, ...]:
     search, best, remaining = answer.search, answer.best, answer.remaining
+    # The discrepancies of the laws, integrated out, raise the evidence by 100 : 1: another shape is required.
     other_shape = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
     effects = {name: search.effect(name) for names in answer.classes for name in names}
     constant = {

@@ -1,4 +1,10 @@
-"""The verdict on what a search found: which effects are missing, how certain that is, what is against it."""
+"""The verdict on what a search found: which effects are missing, how certain that is, what is against it.
+
+In: a search with its best set. Out: a `Judgement`, whose verdict follows from three questions that are kept
+apart: does the set leave little enough to be the cause (`sure`), could another set be it (rivals), and does
+it predict what it was not fitted to (cross-validation, blocks). The search has only minimised a criterion,
+which has a minimum whether or not anything is missing.
+"""
 
 from __future__ import annotations
 
@@ -201,6 +207,9 @@ def verdict_on(
     unnamed = _nothing_to_name(search, best, blocks)
     if unnamed is not None:
         return unnamed
+    # The order of these cases decides which verdict a set with several defects has: first what shows that it
+    # is not the cause (too much left; predictions that fail), then what merely leaves it open (rivals,
+    # doubts).
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
     if failed_checks(checks) and remaining is not None and len(best.candidates) > 1:
@@ -238,6 +247,8 @@ def _nothing_to_name(search: Search, best: RefittedSet, blocks: BlockValidation 
     given = before if search.given is None else search.given.adequacy
     if agrees_within_tolerance(search):
         return _nothing_left(search, given)
+    # With a known noise the tests have rejected the model, so that effects may be named. With the floor alone
+    # the tests have no noise level to rely on, and the effects have to prove themselves.
     if not search.in_own_scale or (proven_by_collapse(search, best) and (blocks is None or blocks.passed)):
         return None
     if given.agrees:  # within the noise that is stated

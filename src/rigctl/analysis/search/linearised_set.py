@@ -1,5 +1,10 @@
-"""A refitted set of effects as linearised at its fit: the tests of what it leaves, with and without a shape
-tolerance of its laws."""
+"""A refitted set of effects as linearised at its fit: the tests of what it leaves, with and without a
+shape tolerance of its laws.
+
+In: a `RefittedSet`, and its data with the equations of the whole library. Out: `View`s, in each of which
+other columns count as fitted: the members, the discrepancies of their laws, or all but one member. One
+simulation serves all of them, because they differ only in what is projected off.
+"""
 
 from __future__ import annotations
 
@@ -107,6 +112,8 @@ class LinearisedSet:
         if not count:
             return 0.0
         fixed = project(shaped)
+        # Scaled by τ, the amplitudes have the prior N(0, I), and integrating them out of exp(−½‖r̃ − S̃a‖²)
+        # gives −2·ln L = r̃ᵀr̃ − gᵀ(I + A)⁻¹g + ln|I + A|.
         columns = fixed.signatures * tolerance
         matrix = columns.T @ columns + np.eye(count)
         slope = columns.T @ fixed.residual
@@ -185,6 +192,9 @@ class LinearisedSet:
     def _linearised(self, others: Sequence[Candidate]) -> Linearisation:
         """The trial's own effects are the first candidates, followed by `others`."""
         trial = self.trial
+        # The effects of the trial are taken out of the unknowns and put into the parameter values: they
+        # become the first candidates, as which they can be made nuisances (`view`) or tested (`without`) by
+        # rearranging columns, without another simulation.
         problem = trial.fit.problem
         effects = {column for one in trial.candidates for column in one.columns}
         keep = [k for k, unknown in enumerate(problem.shared) if unknown.name not in effects]

@@ -1,4 +1,9 @@
-"""Change a model file: fit it, add or remove an effect, or set values, with the error before and after."""
+"""Change a model file: fit it, add or remove an effect, or set values, with the error before and after.
+
+In: a file, what is `Wanted`, and runs, or none. Out: `Changed`, with the version that was saved. The error
+before is that of the old model under the same conditions (fitted too if the new one is), because only then is
+the difference due to the change.
+"""
 
 from __future__ import annotations
 

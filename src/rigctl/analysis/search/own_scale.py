@@ -37,6 +37,8 @@ def proven_by_collapse(search: Search, best: RefittedSet) -> bool:
     before, after = squares(search.before.fit), squares(best.fit)
     if not before > 0.0 or after > (1.0 - COLLAPSE) * before or not _refutes_statement(search, best):
         return False
+    # F = (Δχ²/p)/(χ²/ν) with χ²/ν = 1: χ² is already in the scale of what the set leaves. Bonferroni's factor
+    # is the number of sets of this size that the library offers.
     freedom = max(search.samples - len(best.fit.problem.shared), 1.0)
     parameters = max(best.parameters, 1)
     gain = max(search.null.chi2 - best.chi2, 0.0)

@@ -1,4 +1,9 @@
-"""The effects of a library by probability, each with what it explains and its fitted parameters."""
+"""The effects of a library by probability, each with what it explains and its fitted parameters.
+
+In: a search and its best set. Out: `Ranked` effects. A probability belongs to a set, ``exp(−mBIC/2)`` over
+all sets that were tried, and that of an effect is the sum over the sets that have it. It holds given that
+one of them is right: whether any is, the verdict says.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +49,7 @@ def ranking_of(
 def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
     """Without their cross-validations."""
     trials = [search.null, *search.trials.values()]
+    # 1. mBIC of every set: as refitted, else as promised by its score.
     refitted = {trial.effects[0] for trial in trials if len(trial.effects) == 1}
     screened = [score for score in search.before.screening.scores if score.effect not in refitted]
     sets: dict[tuple[str, ...], float] = {}
@@ -56,12 +62,16 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
     for score in screened:
         price = search.price(tried[score.candidate])
         sets[(score.effect,)] = search.mbic(search.null) - search.promised(score) + price
-    # a set better than the best one is so by less than the shape tolerance allows, or it would be the best
+    # 2. Weights exp(−ΔmBIC/2). ΔmBIC is divided by the shape tolerance of a large effect, or by the long-run
+    #    variance of what the best set leaves: with many samples the noise alone would make every difference
+    #    certain. A set better than the best one is so by less than the shape tolerance allows, or it would be
+    #    the best, and counts as equal. The cap keeps `exp` above its underflow.
     least = search.mbic(best)
     less = max(softened(search.null.chi2 - best.chi2), _factor(search, best))
     behind = {names: min(max(value - least, 0.0) / less, 1400.0) for names, value in sets.items()}
     weights = {names: math.exp(-0.5 * value) for names, value in behind.items()}
     total = sum(weights.values())
+    # 3. The probability of an effect is the sum over the sets that contain it.
     shares: dict[str, float] = {}
     for names, weight in weights.items():
         for name in set(names):

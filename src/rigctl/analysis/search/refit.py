@@ -148,20 +148,27 @@ def refit(
     usual: keep to the limits of the usual range.
     """
     try:
+        # 1. The equations with the effects, starting from the nearest fit that is known.
         model = fitted.at_end
         for candidate in chosen:
             model = model.with_effect(candidate.effect, starting_values(candidate))
         problem = _in_both_ranges(fitted.problem.rebuilt(model), fitted.problem)
         known = fitted if begin is None else begin if at else _better_start(problem, begin, fitted)
         shared = _started(problem, known, at)
+        # 2. The fit. With `at` the effect starts at its limiting case, where the order of its parameters is a
+        #    bound: a fit that stays on it (`limited`) is that limiting case, and neither bound nor order need
+        #    be tried again.
         warm_start = _WarmStart(problem.with_shared(ordered(shared, chosen) if at else shared), known)
         refitted = warm_start.fitted(fitted.held_out, cost, rival)
         limited = at is not None and _at_limit(refitted, chosen)
         if at is not None and not limited and refitted.at_bound & at.keys():
             refitted = _again(refitted, starting_at_fit(refitted, {one.name: one for one in shared}), cost)
+        # 3. Shape parameters, which were fixed so far, are freed where the declaration allows: they act on
+        #    nothing before the effect has a size.
         refitted, more = _refined(refitted, chosen, cost)
     except RigctlError:  # the model cannot be simulated, or contradicts itself: no explanation
         return None
+    # 4. Bounds come last: a wider range is tried, or an order enforced, only where the free fit needs it.
     if not limited:
         if not usual:
             refitted = _again(refitted, beyond_usual(refitted, chosen), cost)
@@ -214,10 +221,15 @@ class _WarmStart:
         far, and, where any unknown of a record was far without the effects, with all of the records' unknowns
         reset; the best one is continued.
         """
+        # The parameters of a model that lacks an effect have compensated for it. If one of them, or a
+        # record's own unknown, is far from its prior, the fit may be in a valley that leads to another
+        # minimum than the true one.
         start = np.array([one.start for one in self.problem.shared])
         records_far = self._records_back(self.known.local) is not None
         if reset_to_priors(self.problem.shared, start) is None and not records_far:
             return self._fit(self.problem.shared, self.known.local, held_out, cost, rival)
+        # Coarse fits find the deeper minimum, a precise one follows only from there. Other starts are not
+        # worth their cost for a set that is far behind the best one.
         better = self._fit(self.problem.shared, self.known.local, held_out, COARSE, rival)
         if chi2_of(better) < min(chi2_of(self.known) - NEAR, _BEHIND * 2.0 * rival):
             back = reset_to_priors(better.problem.shared, better.values)

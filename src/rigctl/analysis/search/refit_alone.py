@@ -1,6 +1,8 @@
 """A model with one more effect, fitted by itself at sizes up to the limit of its usual range.
 
-For tables of single values, whose effects are distinguished by refits alone.
+In: a comparison and a candidate. Out: `Alone`. For tables of single values, whose effects are distinguished
+by refits alone: there are few values, fits are cheap, and effects may be so large that scores at their null
+say little of them.
 """
 
 from __future__ import annotations
@@ -66,6 +68,8 @@ def alone(
         column: declared.at_null + share * (declared.start - declared.at_null)
         for column, declared in _declared(candidate).items()
     }
+    # A fit from the null (or the typical size) suffices if it explains at least half of the misfit. Otherwise
+    # the profile of χ² over the size of the effect shows where a deeper minimum is.
     fitted = beside.fitted(begin, before.fit)
     if fitted is not None and chi2_of(fitted) < _EXPLAINED * chi2_of(before.fit):
         return Alone(candidate, fitted, chi2_of(fitted))

@@ -150,6 +150,9 @@ class RefittedSets:
         """χ² that a view of a set leaves, see `excess`."""
         if view.adequacy.agrees:
             return 0.0
+        # Three tests see different misfits: a score sees what an effect of the library would remove, the
+        # plane what changes with the operating point, χ² everything else if there is much of it. None bounds
+        # the others.
         candidates = view.linearisation.candidates
         promised = max(
             (score.gain - self.price(candidates[score.candidate]) for score in view.screening.scores),
@@ -210,11 +213,15 @@ class RefittedSets:
         if not (little or self.has_discrepancies or (self.tolerance and self.sure(without))):
             return False
         if self.tolerance:
+            # What the member explains beyond the discrepancy of the others' laws: the difference of the
+            # evidences, in which these are integrated out on both sides.
             beyond = self.evidence(without) - self.evidence(best)
             share = BEYOND_SHAPE if little else BEYOND_LAWS
             if beyond < max(LEAST_DIFFERENCE, share * explained):
                 return True
             explained = beyond
+        # The member is small. It stays only if hardly anything is left with it, since what merely follows the
+        # shape of another law leaves a rest; `UNSEEN` is what the tests cannot see of that rest.
         return little and self.excess(best) + UNSEEN >= WHOLE * explained
 
     def known(self, chosen: Sequence[Candidate]) -> RefittedSet | None:
@@ -288,6 +295,9 @@ class RefittedSets:
         if without is None:
             return []
         size = max(without.chi2 - trial.chi2, 0.0) ** 0.5
+        # The fit of the whole set, with the member taken out of the nuisances again and put first among the
+        # candidates: cosines are between what it and others would add to the *other* members, which are
+        # projected off.
         projected = self.at(trial).without(member)
         close: dict[str, tuple[float, Candidate, float]] = {}
         silent = set(self.before.screening.untestable)
@@ -311,6 +321,8 @@ class RefittedSets:
         rivals = []
         if self.alone and not rest:  # effects that fit much worse by themselves need no refit
             kept = near_best(self.alone)
+            # A rival is worth a refit if the signatures are alike or the separation is small, unless it is so
+            # large that an error of the linearisation (`FAR_SHARE` of the size) could not hide it.
             near = [one for one in near if one[1].name in kept]
         for cos, candidate, d in near[: None if self.of_few_rows else MOST_RIVALS]:
             rival = self.refitted((*rest, candidate), without)
@@ -332,7 +344,10 @@ class RefittedSets:
         """The set fitted, starting from the fit of another set; each set only once."""
         key = _key(chosen)
         if key not in self.trials:
+            # A law that contains another as a limit starts there, at the fit of the simpler one: it can then
+            # not end with a larger misfit than that one, and any gain is due to its additional parameter.
             start, at = self._limiting_case(chosen, begin) or (begin, None)
+            # A fit minimises half of χ², its cost.
             known = [0.5 * trial.chi2 for trial in self.trials.values()]
             rival = min(known, default=math.inf)
             # at ten times its usual size nearly every effect explains the few values of a table

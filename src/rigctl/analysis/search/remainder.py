@@ -75,6 +75,8 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     if view.adequacy.undecided and excess < STATED:
         return None  # slow noise, or something else: no test can tell, and nothing is claimed
     name, slot, absorbed = _next(search, best, excess)
+    # Where: at the slot of the effect that absorbs most of the rest, if it absorbs enough; else where a free
+    # disturbance has the highest evidence, which needs no library.
     if absorbed < _MOST:
         evidence = slot_evidence(best.fit)
         slot = evidence[0].slot if evidence else ""

@@ -131,12 +131,16 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
     """For every member of the best set, the effects with which it may be confused."""
     rivals = []
     for member in counted(best.candidates, "Looking for what could be mistaken for it", search.on_progress):
+        # 1. Rivals of the linear problem, refitted in place of the member with all others kept.
         tried = search.rivals(best, member)
         explained = search.explained(best, member)
         for trial, cos, d in tried:
             # the refits also respect sizes that physics forbids
             distance = max(d, _by_refit(trial, best))
             share = (trial.chi2 - best.chi2) / max(explained, 1e-12)
+            # Three measures of one difference: the separation in sigmas, mBIC (or the evidence, where the
+            # shapes of laws could make up for it), and the share of what the member explains. All three have
+            # to be large before the rival is excluded (`Rival.separable`).
             difference = search.mbic(trial) - search.mbic(best)
             if difference >= LEAST_DIFFERENCE and share < DISCREPANCY_LIMIT:
                 difference = min(difference, search.evidence(trial) - search.evidence(best))
@@ -160,6 +164,8 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
                 for other in trial.effects
                 if other not in best.effects
             ]
+    # 2. What the search met on its way: a better set put aside for an unusual size; for a single effect,
+    #    others that were refitted although their signatures differ, and pairs that explain as much.
     rivals += _aside(search, best, {rival.name for rival in rivals})
     if len(best.candidates) == 1:
         rivals += _known(search, best, {rival.name for rival in rivals})
@@ -172,6 +178,8 @@ def nested_at(fit: FitResult, effect: Effect, other: str) -> str:
 
     A fit that stopped at its bound on that side counts as being there.
     """
+    # The limit is either another parameter of the effect (static friction equal to sliding friction) or a
+    # number, which may lie at or beyond a bound, where a fit can only stop.
     known = {u.name: (u, float(value)) for u, value in zip(fit.problem.shared, fit.values, strict=True)}
     for name, limit, law in effect.becomes:
         qualified_name = qualified(effect.name, name)
@@ -370,6 +378,8 @@ def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Diff
     None if the two predict the same; `none` is the fit of the model without either.
     """
     problem = one.problem
+    # a = W·Δy of one effect, b = W·Δy of the other (here with σ alone, without the correlation of the noise):
+    # the place of the largest |a − b|² over phases and channels, then the record that contributes most to it.
     changes = [_changes(none, one, other, k) for k in one.fitted]
     squares = {key: sum(change.get(key, _NOTHING)[2] for change in changes) for key in _keys(changes)}
     if not any(squares.values()):

@@ -1,9 +1,11 @@
 """Search for the set of effects that explains a misfit: singles, pairs, forward and backward steps.
 
-The search continues as long as the tests reject what is left, however small its share, and the members of a
-set are exchanged for their rivals. All pairs of effects are tried on the linearised problem, as two effects
-may improve the criterion only together. The sets themselves are fitted, compared and judged by
-`RefittedSets`.
+In: a comparison of the model with the data. Out: the best set, `Search.best`, which need not be right. Each
+step takes its candidates from a linear problem and decides by refits: scores, pairs and cosines are linear at
+their fits, and only order what is worth fitting. The search continues as long as the tests reject what is
+left, however small its share, and the members of a set are exchanged for their rivals. All pairs of effects
+are tried on the linearised problem, as two effects may improve the criterion only together. The sets
+themselves are fitted, compared and judged by `RefittedSets`.
 """
 
 from __future__ import annotations
@@ -80,9 +82,22 @@ class Search(RefittedSets):
 
     def best(self) -> RefittedSet:
         """The set that explains the misfit best: singles, pairs, backward steps, and replacements."""
-        best = self._swapped(self._at_sizes(self.best_single()))
-        best_set = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
-        return self._beyond_laws(self._usual_first(self._pair_instead(best_set)))
+        # Every step proposes sets by a linear problem, refits a few of them, and keeps the one with the least
+        # mBIC (`least`). Whether there is a next step depends not on mBIC but on the tests of what the best
+        # set leaves (`left`, `below_noise`). All refits stay in `trials`, where the judgement finds them.
+        #
+        # 1. One effect. Its rivals are tried in its place at once: the first one to enter need not be right.
+        best = self._at_sizes(self.best_single())
+        best = self._swapped(best)
+        # 2. Two effects, if the one leaves something. A pair loses a member that does not pay before members
+        #    are exchanged, so that exchanges are compared with what is really needed.
+        best = self._backward(self._pairs(best))
+        best = self._exchanged(self._swapped(best))
+        # 3. Corrections for what mBIC does not know: laws have a shape tolerance, within which a set of fewer
+        #    parameters is preferred; two effects may be imitated by one that leaves hardly anything; a size
+        #    may be unusual; and an effect may only follow the law of one that the model has.
+        best = self._pair_instead(self._simplest(best))
+        return self._beyond_laws(self._usual_first(best))
 
     def best_single(self) -> RefittedSet:
         """The single effect that explains the misfit best, or none."""
@@ -106,6 +121,9 @@ class Search(RefittedSets):
         return min(self.describing([self.null, *self.trials.values()]), key=lambda one: one.chi2)
 
     def _singles(self) -> None:
+        # All scores come from one linearisation, at the fit without any effect: they order the candidates,
+        # and no more. Refitted are the leaders, and whatever has a signature so similar to the first one's
+        # that only a refit can tell the two apart.
         scores = self.null_tests.screening.scores
         lin, projected = self.null_tests.linearisation, self.null_tests.projected
         by_gain = sorted(scores, key=lambda score: -score.gain)
@@ -115,6 +133,7 @@ class Search(RefittedSets):
             for score in by_gain
             if score.gain > 0.0 and self._near(cosine(projected, leader.candidate, score.candidate), leader.z)
         ]
+        # An effect has a score at each of its shapes: it is named once, at its best place in the order.
         chosen = list(dict.fromkeys(score.effect for score in [*by_gain[:_BEST], *alike]))
         if self.of_few_rows:
             chosen = self._near_alone([score.effect for score in by_gain])
@@ -173,6 +192,8 @@ class Search(RefittedSets):
         most."""
         tried = {name for trial in self.trials.values() for name in trial.effects}
         gains = {score.effect: score.gain for score in self.before.screening.scores}
+        # Silent: not refitted yet, and with a score that promises next to nothing. An effect with secants is
+        # left out, since its score was taken at finite sizes already.
         silent = [
             one
             for one in self.before.linearisation.candidates
@@ -207,6 +228,9 @@ class Search(RefittedSets):
         if best.candidates and remaining <= self.allowed:
             self._forward(best)
             return self._complete_before_least([best, *self.trials.values()])
+        # Two kinds of pairs are refitted. `better`: those that promise more than any set fitted so far, since
+        # two effects may cancel in every score and be visible only together. `without`: the best ones that do
+        # not contain the leading effect, which may lead only because it imitates such a pair.
         lin = self.null_tests.linearisation
         promised = self.null.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
         pairs = [
@@ -233,6 +257,9 @@ class Search(RefittedSets):
         """
         if len(best.candidates) != 1 or self.most < 2 or not self.sure(best) or self.below_noise(best):
             return best
+        # A pair is refitted only if the linear problem promises more than the single effect achieves, plus
+        # the penalty for one effect more. `pair_gains` fall, so that the first pair that does not ends the
+        # search.
         candidates, scores = self.null_tests.linearisation.candidates, self.null_tests.screening.scores
         linear = max((score.gain for score in scores if score.effect in best.effects), default=0.0)
         reached = max(self.null.chi2 - best.chi2, linear)
@@ -247,6 +274,8 @@ class Search(RefittedSets):
             instead = self.refitted(chosen, self.null)
             tried += [] if instead is None else [instead]
         instead = self.least(tried)
+        # "Significantly" is by the evidence, in which the discrepancy of each law is integrated out: a pair
+        # that only describes the shape of the single effect's law does not replace it.
         surely = LEAST_DIFFERENCE * softened(self.null.chi2 - best.chi2)
         return instead if self.evidence(instead) < self.evidence(best) - surely else best
 
@@ -263,6 +292,8 @@ class Search(RefittedSets):
         return best
 
     def _exchanges(self, best: RefittedSet) -> list[RefittedSet]:
+        # Within the shape tolerance of the laws found so far: without it the next candidates would be those
+        # that correct the shape of a law, and not those that describe another cause.
         view = self.with_discrepancies(best)
         exchanges = [
             (*(one for one in best.candidates if one is not member), candidate)
@@ -297,6 +328,8 @@ class Search(RefittedSets):
                 for member in best.candidates
             ]
             shorter = [one for one in tried if one is not None]
+            # mBIC first: does a set with a member less cost less? If not, a member goes only if it may be the
+            # shape of the other one's law (`slight`).
             least = self.least([best, *shorter])
             if least is best:
                 reached = self.null.chi2 - best.chi2
@@ -336,6 +369,7 @@ class Search(RefittedSets):
     def _simplest(self, best: RefittedSet) -> RefittedSet:
         """The set with the fewest parameters among those that differ by less than the shape tolerance."""
         for member in best.candidates:
+            # A tenth of the member's size is a hundredth of the χ² that it explains.
             limit = TOLERANCE**2 * self.explained(best, member)
             alike = [
                 rival
@@ -366,6 +400,8 @@ class Search(RefittedSets):
         count = len(least.candidates)
         if count < 2 or not self.tolerance or not self.excess(least):
             return least
+        # Only among sets that are better than every smaller one: of the others, the smaller one is to be
+        # preferred.
         shorter = [one for one in (self.null, *self.trials.values()) if len(one.candidates) < count]
         limit, evidence = self.mbic(self.least(shorter)), self.evidence(least)
         others = [one for one in sets if len(one.candidates) == count and self.mbic(one) < limit]

@@ -55,6 +55,9 @@ def exclusions(
     for name, tried in alone.items():
         if name in possible or tried is None:
             continue
+        # Excluded for one of three reasons: it hardly changes the trend; it does so only at some conditions;
+        # or it fits much worse than the best. For the first, it is also tried at sizes up to the limit of its
+        # range, since the fit may have stayed at a size at which it does little.
         reached = _reached(trend, tried.fit)
         only = _only(before, trend, tried.fit)
         if reached < TURNS or only or tried.chi2 - chi2 > LEAST_DIFFERENCE:

@@ -1,7 +1,8 @@
 """What a table shows about a model: how far off it is and where, and what so few values can show.
 
-`rigctl.answers.table_findings` words it. Effects that would improve the fit, though not significantly, are
-among it.
+In: the linearisation, the tests and the rows of a fitted table. Out: `Finding`s, which
+`rigctl.answers.table_findings` words. Effects that would improve the fit, though not significantly, are among
+it: with a handful of values, what could not be found matters as much as what was.
 """
 
 from __future__ import annotations
@@ -184,6 +185,8 @@ def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list
 def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequence[int]) -> EndLeftOut:
     """The prediction of the rows at `out` by a fit to the others; `rows` in the order of the
     linearisation."""
+    # One row is one value: e = r₂ − J₂·J₁⁺·r₁, in σ. Its covariance contains the uncertainty of the
+    # extrapolation, which at an end of a curve is the larger part.
     matrix = np.vstack([one.nuisance for one in linearisation.records])
     residual = np.concatenate([one.residual for one in linearisation.records])
     matrix = matrix / np.where((norms := np.linalg.norm(matrix, axis=0)) > 0.0, norms, 1.0)

@@ -144,6 +144,9 @@ def _channels(problem: Problem) -> tuple[str, ...]:
 def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
     """(other conditions, samples, channels) readings at the variable's high end less those at its low end."""
     problem = fit.problem
+    # Simulated without noise, with the record-level unknowns at their starts, over the commands of the
+    # table's own records: the change over the trend's variable, which all of the effects explain, as each
+    # channel shows it.
     length = float(problem.records[0].switch_times[-1]) + 1.0
     times = np.linspace(0.0, length, _SAMPLES)[1:]
     records = tuple(

@@ -1,4 +1,8 @@
-"""A table beside a model: every value that was read, and the model's prediction of it."""
+"""A table beside a model: every value that was read, and the model's prediction of it.
+
+In: a fit of a table. Out: a `TableRow` for each value, with its error in units of the noise, and that of the
+file's own values where they were fitted. Every other finding on a table is about these rows.
+"""
 
 from __future__ import annotations
 
