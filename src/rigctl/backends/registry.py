@@ -90,6 +90,8 @@ def addresses_with(rig: Rig, choice: str | None, options: Mapping[str, object]) 
         }
         at: dict[str, str] = {}
         for device, address in found.items():
+            # By key, not by text: two spellings of one address are one device, and would command each other's
+            # outputs.
             if (other := at.setdefault(address.key, device)) != device:
                 raise RigctlError(f"'{other}' and '{device}' are at one address", value=address.url)
         return found
@@ -131,6 +133,7 @@ def _chosen(
         raise RigctlError(
             f"the rig '{rig.name}' has {has}", value=name, expected=" or ".join((rig.kind, *_WHOLE))
         )
+    # Options of the rig file belong to its own kind of backend: a baud rate means nothing to a simulation.
     from_rig = rig.backend.options if name == rig.kind else {}
     return name, {**from_rig, **(options or {})}
 

@@ -1,4 +1,15 @@
-"""The backend for rigctl's own board."""
+"""The backend for rigctl's own board.
+
+In: the board's lines (docs/reference/board-protocol.md), through a `Port`. Out: samples with the board's
+own times, and exact times of switches. In contrast to a device that is polled, the board streams samples
+by itself, answers tagged queries in between, times pulses, and switches off when it has not heard of the
+host for 1.5 s.
+
+The parts, each with one concern: `line` (tags, checksums), `receiver` (the stream), `clock_map` (the
+board's microseconds on the bench's clock), `switching` (commands and the time at which they acted),
+`heartbeat` (sign of life, and whether the board still answers), `regulation` (the closed loop on the
+board). All of them run on the caller's thread; several queries may be open at once.
+"""
 
 from __future__ import annotations
 
@@ -121,17 +132,22 @@ class ArduinoBench(PortBench[Board]):
     def _begin(self, line: Line, *, again: bool) -> Conversation[Board]:
         """Identify the board, make it safe, read its trips, synchronise the clocks and start the stream."""
         board = yield from handshake(line, self._patience)
+        # 1. After a loss: the same board, in all that is known of it but its port, which may have another
+        #   name now.
         for name, known in self.identity.items():
             if board.identity.get(name, known) != known and name != "port":
                 raise RigctlError(
                     "another board answers than before", value=board.identity[name], expected=known
                 )
         try:
+            # 2. Outputs safe, before its stream or its clock are looked at.
             yield from self._making_safe(board)
         except Refused as error:
             raise NotConfirmed(str(error)) from None
+        # 3. No stream while the clock is learned: its lines would delay the answers that are timed.
         yield from board.asking("STRM 0")
         yield from board.learning_clock(8)
+        # 4. What came before belongs to another session. Its times would be converted by the new clock map.
         board.line.forget()
         self.identity = {**self.identity, **board.identity}
         self._receiver.tripped, self._failure_announced = "", False
@@ -140,12 +156,15 @@ class ArduinoBench(PortBench[Board]):
         try:
             yield from self._clearing_trips(board)
         except BenchTripped as tripped:
+            # 5. Trips. At the opening one ends it; on a board that came back the run is told, and ends as by
+            #   a trip.
             if not again:
                 raise
             self._receiver.tripped = tripped.causes  # reachable, but no longer working
             self._reconnection.why = tripped.what
             self._outbox.notice("alarm", tripped.what)
         else:
+            # 6. Sampling as before the loss.
             yield from self._stream(board)
         self._heartbeat = Heartbeat(board, self.clock)
         return board
@@ -169,6 +188,7 @@ class ArduinoBench(PortBench[Board]):
     # --- making safe --------------------------------------------------------------------------------------
 
     def _making_safe(self, board: Board) -> Conversation[None]:
+        # One command for all outputs first; those whose safe value is not off are set after it.
         yield from board.line.asking("OUTP:SAFE", _SAFE_ANSWER, _SAFE_TRIES)
         for text in self._translation.safe_texts():
             yield from board.asking(text)
@@ -247,6 +267,7 @@ class ArduinoBench(PortBench[Board]):
         try:
             receipt = yield from self._switching.switch(board, actuator, value, duration)
         except Refused as error:
+            # The board may have refused because it has tripped: the message then names the cause.
             hint = yield from _querying_trip(board)
             pending.trouble = RigctlError(str(error), hint=hint, exit_code=ExitCode.FAILED)
             return
@@ -337,6 +358,9 @@ class ArduinoBench(PortBench[Board]):
         if heartbeat is None:
             raise RuntimeError("a connected board without a heartbeat")
         silence = max(0.1, 3.0 / (self._rate or self._rig.monitor_rate))
+        # The order: keep the board alive; read; see what its time says, as a restart makes everything after
+        # it void; then continue what waits for answers; the stream last, so that reports of switches were
+        # taken by the commands that wait for them.
         heartbeat.beat(silent=self.clock.now() - self._receiver.heard > silence)
         board.line.take(min(until, heartbeat.due, *self._ends.values(), *self._due()))
         heartbeat.listen()
@@ -358,6 +382,7 @@ class ArduinoBench(PortBench[Board]):
     def _handle_loss(self, board: Board, error: PortLost) -> tuple[str, Port | None]:
         self._streaming = None
         self._receiver.take(board)
+        # The board ends its loop when it loses its host: the output has gone off without a command.
         if self._regulation.actuator:
             self._cut_off.add(self._regulation.actuator)
         self._regulation.forget()

@@ -84,6 +84,9 @@ class ClockMap:
         if self._exchanges:
             expected = self._h0 + self._rate * (board - self._b0)
             error = abs(expected - exchange.host) - exchange.half
+            # More than drift. Up to `_RESTARTED` it may be one exchange that a busy computer has delayed: it
+            # is left out, and believed only when `_DOUBTFUL` in a row say so. A larger error is believed at
+            # once. That the board was restarted is seen from its own number, which begins at zero.
             if error > _LOST_TRACK:
                 self._doubted += 1
                 if not self._restarted(before, board_us, exchange):
@@ -97,9 +100,12 @@ class ClockMap:
             self._b0, self._h0, self._rate = board, host, rate
         else:
             now = self._h0 + self._rate * (board - self._b0)
+            # The map goes on from where it is: only its slope changes, so that no sample is moved against the
+            # one before.
             correction = (host - now) / _CORRECTION_TIME
             self._b0, self._h0 = board, now
             self._rate = rate + min(max(correction, -_STEEPEST), _STEEPEST)
+        # The narrowest interval of late: a single fast exchange tells more than many slow ones.
         best = min(one.half for one in list(self._exchanges)[-16:])
         error = abs(self._h0 - host)
         self.uncertainty = best + error
@@ -117,9 +123,12 @@ class ClockMap:
     def _fit(self, board: float) -> tuple[float, float]:
         """Return the rate, and the bench time at board time `board`, s."""
         exchanges = self._exchanges
+        # Too short for a rate: the width of the intervals would be taken for drift.
         if board - exchanges[0].board < _RATE_SPAN:
             best = min(exchanges, key=lambda one: one.half)
             return 1.0, best.host + (board - best.board)
+        # Centred on the weighted means: squares of board times of hours would cost the digits of the
+        # microseconds.
         weights = [1.0 / max(one.half, 1e-5) ** 2 for one in exchanges]
         total = sum(weights)
         b = sum(w * one.board for w, one in zip(weights, exchanges, strict=True)) / total

@@ -36,8 +36,10 @@ class Heartbeat:
             several queries in a row were not answered (`NoAnswer`), or the port is gone.
         """
         now = self._clock.now()
+        # A stream that has stopped is asked after at once, instead of at the next regular query.
         if now < self.due and (self._question is not None or not silent or now < self.due - ANSWER):
             return
+        # The last query has no answer. Its late answer must not count as that of the next one.
         if self._question is not None:
             self._board.line.withdraw(self._question)
             self._unanswered += 1

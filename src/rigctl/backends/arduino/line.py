@@ -1,4 +1,12 @@
-"""The line to the board: tagged queries and their answers, interleaved with the stream."""
+"""The line to the board: tagged queries and their answers, interleaved with the stream.
+
+In: bytes of a `Port`. Out: answers, each at its query by its tag, and the unsolicited messages in two queues.
+
+Every line has a checksum in both directions, so that there is no resynchronisation: a damaged line is
+dropped, the next one counts. An answer that does not come costs `ANSWER` s, and the query is sent again
+under a new tag; a late answer to the first attempt is then as good. Answers are timed, less the time that
+their characters need on the wire, as the clock map and the receipts depend on these intervals.
+"""
 
 from __future__ import annotations
 
@@ -102,6 +110,7 @@ class Line:
                 self.readings.append(message)
             elif isinstance(message, Switched):
                 self.switched.append(message)
+            # An answer without a query was withdrawn meanwhile.
             elif (question := self._open.pop(message.tag, None)) is not None:
                 question.answer = self._answer(question, message)
         return True
@@ -155,6 +164,8 @@ class Line:
     def _answer(self, question: Question, reply: Reply) -> TimedReply:
         now = self.clock.now()
         characters = len(f"#{reply.tag} {reply.text}*0000\n")
+        # The board cannot act on a command before its last character has arrived, nor have answered later
+        # than the first character of the answer left it.
         earliest = question.sent + question.length * self._character
         latest = max(now - characters * self._character, earliest)
         return TimedReply(earliest, reply.text, latest, len(self.readings))

@@ -55,6 +55,7 @@ class Receiver:
     def take(self, board: Board) -> None:
         """Process everything that has arrived."""
         line = board.line
+        # Switches before readings: a command that ended by itself is known before the sample that shows it.
         while line.switched:
             self.take_switched(board, line.switched.popleft())
         while line.readings:
@@ -100,6 +101,7 @@ class Receiver:
         self.heard = self._clock.now()
         self._damaged_when_heard = board.line.damaged
         self._told_of_damage = False
+        # The difference modulo 2^16: small is a gap, more than half of it is a number from before.
         step = 1 if self._sequence is None else (reading.sequence - self._sequence) % _NUMBERS
         time = board.clock_map.to_host(reading.board_us)
         old = step == 0 or step > _NUMBERS // 2
@@ -114,6 +116,7 @@ class Receiver:
         if reading.trips:
             self._trip(time, reading.trips)
         self._note_loop(board, time, reading)
+        # Readings that nobody asked for still keep the sequence, trips and loop up to date.
         if not self.wanted or time <= self._last_time:
             return
         self._last_time = time

@@ -1,4 +1,9 @@
-"""A closed loop that the board executes: sends its settings, and queries its state."""
+"""A closed loop that the board executes: sends its settings, and queries its state.
+
+In: the settings of a loop (`rigctl.plan.loop`). Out: whether it is running, as the board's samples say,
+and its figures of timing. While it runs, the output changes without commands of the host: it is the
+board's, until an answer confirms that the loop has ended. `_unsure` names it while that is not known.
+"""
 
 from __future__ import annotations
 
@@ -81,12 +86,15 @@ class Regulation:
             the board does not answer.
         """
         self.forget()
+        # An earlier loop, or settings of one, must not mix with these.
         yield from board.asking("CONT:CLE")
         yield from self._sending_settings(board, list(self._translation.loop_texts(loop)))
+        # Set before the command and cleared by its answer: in between the loop may be driving the output.
         self._unsure = loop.actuator
         wind_up = ",CLAM" if loop.clamping else ""
         answer = yield from board.line.asking(f"CONT:STAR {'BUMP' if loop.bumpless else 'ZERO'}{wind_up}")
         self._loop, self._unsure, self._figures = loop, "", None
+        # Readings up to here may be from before the start, and do not show that the loop has ended.
         self._began = answer.received + board.clock_map.uncertainty + _SLACK
         self._ahead = self._sent = loop.ahead
         self._asked = self._began
@@ -125,6 +133,7 @@ class Regulation:
         self._unsure = actuator
         answer = yield from board.line.asking("CONT:STOP")
         self._unsure = ""
+        # The output stays where the loop left it: what that is, only the board knows.
         counts = yield from board.asking("SOUR:PRES?")
         self._figures = _figures((yield from board.asking("CONT:FIG?"))) or figures
         half = 0.5 * (answer.received - answer.sent)

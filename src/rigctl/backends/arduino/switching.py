@@ -43,6 +43,9 @@ class Switching:
         timed = duration is not None and self._translation.times_pulse(actuator, duration)
         text = self._translation.text(actuator, value, duration if timed else None)
         begun = self._clock.now()
+        # Each attempt ends in one of: the report of the switch, with its exact time; an acknowledgement
+        # without a report, then the board is asked when it switched; or nothing, and the command is sent
+        # again where that is harmless.
         for _ in range(TRIES):
             question = board.line.put(text)
             try:
@@ -80,6 +83,7 @@ class Switching:
         """Take the report of this switch from those received, and discard reports of the neutral position."""
         kind, raw = self._translation.event_kind(actuator), self._translation.raw(actuator, value)
         turns = self._outbox.commanded[actuator] not in (0.0, value)  # by way of neutral
+        # Reports of earlier switches of the same output may still be in the queue.
         earliest = begun - board.clock_map.uncertainty - _SLACK
         for event in [event for event in board.line.switched if event.kind == kind]:
             if board.clock_map.to_host(event.board_us) < earliest:
@@ -103,6 +107,7 @@ class Switching:
             answer = yield from board.line.asking("VALV:TIME?")
             switched_on, switched_off = map(int, answer.text.split(","))
             board_us = switched_on if self._translation.raw(actuator, value) else switched_off
+            # The board's number may be that of a switch one roll-over of its clock (71.6 min) ago.
             if board.clock_map.is_recent(board_us, self._clock.now() - begun + ANSWER):
                 time = board.clock_map.to_host(board_us)
                 if time >= begun - board.clock_map.uncertainty - _SLACK:

@@ -1,4 +1,17 @@
-"""One bench of several devices: the newest value of every channel, and one ending for all outputs."""
+"""One bench of several devices: the newest value of every channel, and one ending for all outputs.
+
+In: the benches of the devices, each a `Backend` of its own. Out: one `Backend`, whose every sample is the
+reading of one device with the newest values of the others beside it.
+
+Threads: the runner's thread calls the methods here; each device is called by its `DeviceThread` and by no
+other. What the devices have to say arrives in the `Inbox`, which its condition protects; calls go the
+other way as futures and are waited for with a limit of wall time, so that a device that hangs delays the
+others by no more than that. `Merging` is used by the runner's thread alone.
+
+Every call from the runner also keeps the devices alive (`_called`): a thread leaves its device to the
+guard, or to its watchdog, once the runner has not called for a second. See
+docs/decisions/0181-several-devices-are-read-independently.md.
+"""
 
 from __future__ import annotations
 
@@ -92,12 +105,15 @@ class CombinedBench:
         """Open all devices at once; if any fails, the others are left, and safe, and the error names all."""
         self._called()
         self._threads = {name: DeviceThread(name, bench, self._inbox) for name, bench in self.devices.items()}
+        # All at once, as opening takes about a second each, most of it waiting.
         opening = {name: thread.open() for name, thread in self._threads.items()}
         try:
             self._wait(opening.values(), _OPEN_WITHIN)
         except BaseException:
             self.close()
             raise
+        # A device that did not answer counts like one that refused: a bench is open only with all of its
+        # devices.
         errors = _errors(opening) | {
             name: BackendLost(f"not open within {_OPEN_WITHIN:g} s") for name in _unanswered(opening)
         }
@@ -124,14 +140,18 @@ class CombinedBench:
         def start(name: str, bench: Backend) -> Callable[[], None]:
             return lambda: bench.start(self._rig.rate_of(name, rate))
 
+        # A device that was lost, and is allowed to be, is not asked: its thread reads no more.
         started = {
             name: thread.call(start(name, thread.bench))
             for name, thread in self._threads.items()
             if name not in self._inbox.lost
         }
         self._wait(started.values(), _AT_ONCE)  # a device that is busy starts later
+        # Before the errors are looked at: one that answers in between is an error then, and not overlooked.
         late = _unanswered(started)
         errors = _errors(started)
+        # The loss of a device that the run can do without shows as its silence, see `Sampling`; a rate that
+        # it refuses is a mistake all the same.
         for name in [name for name in errors if not self._needs(name)]:
             error = errors[name]
             if isinstance(error, BackendLost):  # its silence is noticed
@@ -146,10 +166,12 @@ class CombinedBench:
         self._check_open()
         give_up = monotonic() + timeout / self.clock.speed
         inbox = self._inbox
+        # The lock is held while the inbox is looked at, and given up during the wait.
         with inbox.arrived:
             inbox.answered = False
             while not inbox.samples:
                 left = give_up - monotonic()
+                # Samples in hand come first, also those of a device that is lost since.
                 needed = {name: why for name, why in inbox.lost.items() if self._needs(name)}
                 if gone := needed.keys() - self._announced:
                     self._announced |= gone  # raise at the next call: notices must be fetched first
@@ -160,6 +182,8 @@ class CombinedBench:
                     return None
                 inbox.arrived.wait(left)
             device, sample = inbox.samples.pop(0)
+        # Switches before the sample: a command that was carried out before this reading is in force in its
+        # row.
         self._take_switches()
         return self._merging.sample(device, sample)
 
@@ -192,14 +216,17 @@ class CombinedBench:
     def safe(self) -> None:
         """Bring every output of every device to its safe state, all at once; one that is dead delays none."""
         self._check_open()
+        # Started on all devices before any is waited for.
         making = {name: self._threads[name].safe() for name in self._driving()}
         self._wait(making.values(), _SAFE_WITHIN)
+        # Silence is no confirmation. When such a device was last heard is reported with it.
         errors = _errors(making) | {
             name: OutputsNotSafe(f"no answer within {_SAFE_WITHIN:g} s", {}, self._last_read(name))
             for name in _unanswered(making)
         }
         self._take_switches()
         now = self.clock.now()
+        # Those that have confirmed count as safe, although the bench as a whole does not.
         for output in (output for name in making.keys() - errors.keys() for output in self._outputs(name)):
             self._merging.switched(CommandReceipt(now, output, float(self._rig.safe_state.get(output, 0.0))))
         if errors:
@@ -344,6 +371,7 @@ def _named(errors: Mapping[str, BaseException], safe: frozenset[str] = frozenset
     Its kind is the worst: outputs that may be on, then a device that is not reached, then a mistake, and a
     trip, which says that outputs are safe, only if there is nothing else. `safe` are outputs that are.
     """
+    # From the worst to the mildest; see the order above.
     if any(isinstance(error, OutputsNotSafe) for error in errors.values()):
         return _doubts(errors, safe)
     texts = {name: f"{name}: {error}" for name, error in errors.items()}

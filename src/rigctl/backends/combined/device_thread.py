@@ -1,4 +1,13 @@
-"""The thread of one device: only it uses the device's bench, so that a slow device delays no other."""
+"""The thread of one device: only it uses the device's bench, so that a slow device delays no other.
+
+In: calls from the runner's thread, in a queue. Out: their results as futures, and what the device
+reports, in the `Inbox` that all devices share. Between two calls the thread reads the device for at most
+`_SLICE` s, so that no command waits longer.
+
+At an ending, `safe` and `close` count up `_safes`: commands that still wait in the queue were made before
+it, and are dropped instead of being carried out after the outputs are safe. A call in progress is not
+interrupted: `safe` waits for its turn, and the runner for `safe` with a limit.
+"""
 
 from __future__ import annotations
 
@@ -98,6 +107,7 @@ class DeviceThread:
 
         self._safes += 1
         future = self.call(work)
+        # After the call to close, which is thus still carried out.
         self._calls.put(None)
         return future
 
@@ -108,6 +118,8 @@ class DeviceThread:
 
     def send(self, command: Callable[[], PendingCommand], pending: PendingCommand) -> None:
         """Send a command; `pending` receives its outcome, whatever happens."""
+        # Read on the caller's thread, when the command is given; compared on this thread, when its turn
+        # comes.
         asked_after = self._safes
 
         def work() -> None:
@@ -126,6 +138,7 @@ class DeviceThread:
 
     def _work(self) -> None:
         while True:
+            # `_HOST_SILENT`: reading keeps the guard alive, which must not outlast a run that hangs.
             reading = self._reading and monotonic() - self._inbox.called <= _HOST_SILENT
             try:
                 call = self._calls.get_nowait() if reading else self._calls.get(timeout=_LOOK)
@@ -136,6 +149,8 @@ class DeviceThread:
             if call is None:
                 return
             call()
+            # Also after a call: it may have been answered at once, and its receipt comes before the next
+            # sample.
             if self._open:  # a closed bench has nothing to report
                 self._report()
 
@@ -149,6 +164,7 @@ class DeviceThread:
 
     def _lose(self, error: Exception) -> None:
         self._reading = False
+        # Whoever waits for an answer is released: there will be none.
         text = str(error) if isinstance(error, RigctlError) else repr(error)
         for _, pending in self._pending:
             pending.trouble = lost(self.name, text)
@@ -165,6 +181,7 @@ class DeviceThread:
         except Exception as error:  # noqa: BLE001 - as in `_read`; its calls are still carried out
             self._lose(error)
             return
+        # The device's own `PendingCommand` stays on this thread; the runner's gets a copy of the outcome.
         settled = [pair for pair in self._pending if pair[0].settled]
         if sample is None and not (receipts or notices or settled):
             return

@@ -85,6 +85,8 @@ class Merging:
 
     def _note(self, time: float, column: int, value: float) -> None:
         """Take note that a command had a value at a time; receipts and readings come in any order."""
+        # A history and not the newest value alone: the reading of a slow device arrives after commands that
+        # were given since, and must state those that were in force when it was taken.
         changes = self._changes[column]
         if _at(changes, time) == value:
             return

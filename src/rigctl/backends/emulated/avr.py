@@ -1,5 +1,10 @@
 """An ATmega328P emulated by simavr: runs a program, with access to its serial bytes and pins.
 
+In: the image of the firmware, bytes for its receiver, voltages at its inputs. Out: bytes from its
+transmitter, and a call for each change of a pin, with the exact cycle. simavr is a C library without a
+stable interface: the layout of its structures is checked at the start (`_check_layout`), since another
+version would not fail but overwrite memory.
+
 The inner loop is in C: ``lfind(key, base, &n, 0, f)`` calls ``f(key, base)`` until it returns 0, and
 ``avr_run(avr)`` returns the core's state, which is 0 only in `LIMBO`. A cycle timer sets that state at the
 requested cycle, so that one call runs a whole slice. One call per instruction would be ten times slower.
@@ -98,9 +103,11 @@ class Avr:
             the program crashed.
         """
         state, count = self._state, c.c_size_t(0)
+        # Bytes handed over by another thread begin to arrive here, on the thread that runs the program.
         if self._arriving and not self._receiving:
             self._receiving = True
             self._sim.avr_cycle_timer_register(self._core, self._character, self._receiver, None)
+        # Again, where a reset of the chip has cleared the timer that ends the slice.
         while state.cycle < cycle:
             if state.state in (DONE, CRASHED, STOPPED):
                 raise RigctlError(

@@ -51,6 +51,8 @@ class PtyBridge:
 
     def step(self) -> None:
         """Advance one slice."""
+        # One slice: what the client has sent goes in, the board runs, what it sends comes out. A byte is thus
+        # late by a slice at most.
         client = self._has_client()
         received = self._read() if client else b""
         sound = self._sound_baud() if client else True
@@ -93,6 +95,7 @@ class PtyBridge:
     def _keep_pace(self) -> None:
         due = self._board.time - self._ahead
         late = self._clock.now() - due
+        # A computer that stood still: this is not made up for, as it would run the board many times too fast.
         if late > _FARTHEST_BEHIND:
             self._ahead -= late
         else:

@@ -1,4 +1,20 @@
-"""The backend for a device with a line-based text protocol, which is queried for every sample."""
+"""The backend for a device with a line-based text protocol, which is queried for every sample.
+
+In: the rig file's ``backend.lines``, which says what is sent and which answers are expected. Out: a
+sample for each round of queries, and the time of each command to within the interval between query and
+answer. Modbus, VISA, OPC UA and Python drivers come through here too, each behind a `ClientPort` that
+speaks in lines.
+
+The line has neither tags nor checksums, so there is one exchange at a time (`_job`), and commands wait in
+`_orders` for the one in progress. The next exchange is chosen in `_begin_next`: a command before the
+keep-alive message before a sample. Only making safe waits for nothing: it abandons the exchange in
+progress, whose answer may still arrive, and is then out of step with the device until the line has been
+resynchronised.
+
+Two kinds of failure are kept apart. A loss of contact (`PortLost`) is searched for and may end well. A device
+that answers but does not do what it was told (`_distrust`) is not searched for: the run ends, as its outputs
+are no longer what the data say.
+"""
 
 from __future__ import annotations
 
@@ -140,6 +156,7 @@ class LineBench(PortBench[LineClient]):
 
     def _begin(self, client: LineClient) -> Conversation[LineClient]:
         """Identify the device, check that it is the same as before, make it safe and set it up."""
+        # 1. Who is there? Nothing that sets anything is sent before this is known.
         found = yield from handshake(client, self.clock, self._lines)
         known = self._duty.identity
         if known is not None and known != found:  # one such answer may be a damaged one
@@ -152,17 +169,22 @@ class LineBench(PortBench[LineClient]):
                 expected=", ".join(known.values()),
                 exit_code=ExitCode.FAILED,
             )
+        # 2. The right one: from here on its guard may command it.
         self._duty.identity = found
         self.identity = {**self.identity, "port": client.port.name, **found}
         if isinstance(client.port, GuardedPort):
             client.port.identified(found)
+        # 3. Errors of before this run, which would be taken for refusals of the first command.
         earlier = yield from errors_in_queue(client, self._lines)
         if earlier:
             text = f"the device had errors from before: {', '.join(map(repr, earlier))}"
             self._outbox.notice("note", text, errors=earlier)
+        # 4. Outputs safe, and confirmed. Otherwise the device is not a contact: whatever had been restored
+        #   would be on top of an unknown state.
         trouble = yield from self._making_safe(client, self._lines.timeout)
         if trouble is not None:
             raise NotConfirmed(str(trouble))
+        # 5. The set-up of the rig file, then every query as for the first time.
         for exchange in self._lines.begin:
             yield from client.asking(exchange)
         self._poll.forget(client)
@@ -172,6 +194,7 @@ class LineBench(PortBench[LineClient]):
 
     def safe(self) -> None:
         """Bring every output to the rig's safe state now; a sample in progress is taken again afterwards."""
+        # Noted before the base class drops the exchange in progress.
         self._interrupted = self._job is not None
         if self._interrupted and self._order is None:
             self._index -= 1
@@ -181,6 +204,8 @@ class LineBench(PortBench[LineClient]):
         if self._interrupted:
             self._interrupted = False
             client.abandon()
+        # A state has changed by itself: another device may be on the line. `asking` identifies it before it
+        # sends anything, as the line is not in step; it then costs one exchange before the outputs are off.
         if self._exchanged:
             client.abandon()
         elif not client.in_step:  # resynchronising takes time, so the commands are sent without waiting first
@@ -210,12 +235,15 @@ class LineBench(PortBench[LineClient]):
         if self._distrust:
             raise BackendLost(self._distrust)
         client = self._check_reach()
+        # A new command ends a pulse of the same actuator without switching it back.
         self._ends.pop(actuator, None)
         self._replace(actuator)
+        # Before it is sent, and before it is queued: whatever becomes of it, it may be on from now on.
         if value != self._resting().get(actuator):
             self._in_doubt.commanded(actuator, value)
         pending = self._pending(actuator, value)
         self._orders.append(_Order(pending, duration, asked_for))
+        # Nothing is in progress: it is sent within this call, not at the next `next_sample`.
         if self._job is None:
             try:
                 self._attempt(lambda: self._begin_next(client))
@@ -237,6 +265,8 @@ class LineBench(PortBench[LineClient]):
     def _carry_out(self, client: LineClient, order: _Order) -> Conversation[None]:
         """Set an actuator, and record the device's answer."""
         pending = order.pending
+        # An output that is read only now and then is read once more: after the command it could no longer be
+        # told whether the device had switched it by itself.
         if pending.value != self._outbox.commanded.get(pending.actuator):
             state = yield from self._poll.verifying(client, pending.actuator, self._outbox.commanded)
             self._take_changes(state)
@@ -244,6 +274,8 @@ class LineBench(PortBench[LineClient]):
             receipt = yield from self._setter.setting(client, pending.actuator, pending.value)
         except Refused as error:
             pending.trouble = RigctlError(str(error), exit_code=ExitCode.FAILED)
+            # Nobody waits for this answer (the end of a pulse, or a command that was replaced): the refusal
+            # ends the run.
             if not order.asked_for:
                 self._end(str(error))
         else:
@@ -340,10 +372,14 @@ class LineBench(PortBench[LineClient]):
 
     def _ask_sample(self, client: LineClient) -> Conversation[None]:
         """Send the queries that are due, and store their answers as a sample."""
+        # A device does not buffer: what could not be asked for in time is missing, and is reported at once.
+        # The grid stays, so that later samples keep their phase.
         missed = math.floor((self.clock.now() - self._due()) * self._rate)
         if missed > 0:
             self._outbox.gap(missed)
         self._index += missed + 1
+        # Changes are taken before the sample is queued: its commands are those that were in force when it was
+        # read.
         reading = yield from self._poll.asking(client, self._outbox.commanded)
         self._takes = min(self._takes, reading.takes or math.inf)
         self._take_changes(reading)
@@ -371,6 +407,8 @@ class LineBench(PortBench[LineClient]):
     def _guard_acted(self, acted: GuardActed) -> None:
         """Record that the guard has made outputs safe because this process was silent."""
         outbox, commanded = self._outbox, self._outbox.commanded
+        # The outputs that were on have been switched off at some time during the silence, which is the
+        # uncertainty. With none on, nothing has changed, and the run may go on.
         changed = {name: value for name, value in self._resting().items() if commanded.get(name) != value}
         commanded |= changed
         self._ends.clear()
@@ -391,6 +429,7 @@ class LineBench(PortBench[LineClient]):
             self._in_doubt.exchanged()
             if isinstance(client.port, GuardedPort):
                 client.port.exchanged()
+        # When the device was last seen, for the report of an ending without contact.
         self._last_answer = client.last_answer
         self._duty.outputs = Outputs.DRIVEN  # a restart may switch them on, whatever they were
         client.port.close()

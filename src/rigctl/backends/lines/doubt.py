@@ -47,6 +47,8 @@ class InDoubt:
     def exchanged(self) -> None:
         """Doubt everything: another device answers, and may have done so for some time."""
         self._on = self._driven | self._on
+        # An output that was read as safe may have been read from the other device: all that was driven counts
+        # again.
         if self._driven:
             self._duty.outputs = Outputs.DRIVEN
 
@@ -57,6 +59,8 @@ class InDoubt:
         for name in self._safe_values.keys() - outcome.doubtful.keys():
             self._on.pop(name, None)
         self._on |= {name: value for name, value in outcome.doubtful.items() if value is not None}
+        # The guard is told the same: with SAFE it ends when the port is closed, with DRIVEN it goes on by
+        # itself.
         if outcome.trouble is None:
             self._driven.clear()
             self._duty.outputs = Outputs.SAFE

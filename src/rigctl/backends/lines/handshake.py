@@ -29,12 +29,15 @@ def handshake(client: LineClient, clock: Clock, lines: Lines) -> Conversation[Ma
     question = lines.identify or lines.queries[0]
     give_up = clock.now() + lines.wake
     quiet_until = clock.now() + _FIRST_SILENCE
+    # The port may have been opened in the middle of a line, and many boards restart when it is opened.
     client.port.write(lines.send_ends.encode("utf-8"))  # terminates any incomplete command
     while clock.now() < quiet_until:
         yield quiet_until
     while True:
         try:
             answer = yield from client.asking(question, tries=1)
+        # Until the device has had its time to start, its greeting or half a line is no proof of another
+        # device.
         except WrongAnswer as error:
             if clock.now() < give_up:
                 continue

@@ -131,8 +131,10 @@ class LineClient:
             the device does not answer or has restarted (`NoAnswer`), or the port is gone.
         """
         command = exchange.send if text is None else text
+        # Read by `_unasked`: a device that restarts while it is made safe is made safe all the same.
         self._making_safe = anyway
         wrong = ""
+        # Each attempt: get into step if the last answer is missing, drop what nobody asked for, send, read.
         for attempt in range(tries or self._lines.tries):
             if attempt or not self._in_step:
                 try:
@@ -140,17 +142,23 @@ class LineClient:
                 except (WrongAnswer, NoAnswer):
                     if wrong:  # the error names the unexpected answer to this query instead
                         break
+                    # For safe commands an unsynchronised line is no obstacle: off is sent into whatever there
+                    # is.
                     if not anyway:
                         raise
             self._drop_stray()
+            # From the sending on, until the answer is here: whoever breaks off in between leaves an answer
+            # outstanding.
             self._in_step = False
             sent = self._clock.now()
             self.send(command)
+            # A device that does not answer this command: nothing is outstanding, and nothing is confirmed.
             if not exchange.patterns:
                 self._in_step = True
                 return LineReply({}, sent, self._clock.now())
             deadline = sent + (timeout or self._lines.timeout)
             found, wrong = yield from self._read_answer(exchange, command, deadline)
+            # Form and content: a line that fits the pattern may have been cut off, and have no number in it.
             if found is not None and fits(found):
                 self._in_step = True
                 self.last_answer = self._clock.now()
@@ -180,11 +188,14 @@ class LineClient:
         found: dict[str, str] = {}
         for pattern in exchange.patterns:
             line = yield from self._line(deadline)
+            # A late identity, or the greeting of a restarted device, may come between query and answer: it is
+            # skipped, or raises `DeviceRestarted`.
             while line is not None and pattern.match(line) is None and self._is_identity(line):
                 self._unasked(line)
                 line = yield from self._line(deadline)
             if line is None:
                 return None, ""
+            # An error is an answer to this query: the line is in step.
             if any(error.match(line) is not None for error in self._lines.error_patterns):
                 self._in_step = True
                 raise WrongAnswer(command, line)
@@ -221,8 +232,10 @@ class LineClient:
         self.stray_texts.append(repr(shorten(line, _WIDTH)))
         if not self._is_identity(line):
             return
+        # One of those that were asked for and given up.
         if self._identities_due:
             self._identities_due -= 1
+        # Once: what follows on this connection, until it is opened anew, is a device that starts.
         elif self.established and not self._making_safe:
             self.established = False
             raise DeviceRestarted(f"{self.port.name}: the device has restarted: it sent {line!r} unasked")
@@ -240,6 +253,7 @@ class LineClient:
         """Read until bench time `until` or until something arrives; return False if nothing did."""
         data = self.port.read(until)
         self._bytes += len(data)
+        # Garbage without a line end must not grow without bound; the end is kept, where the next line begins.
         self._rest = (self._rest + data)[-_LONGEST:]
         return bool(data)
 
@@ -272,6 +286,7 @@ class LineClient:
             its identity is twice not that of before.
         """
         self._in_step = True
+        # 1. Wait until the line is quiet: what is still on its way belongs to earlier queries.
         give_up = self._clock.now() + _LONGEST_NOISE
         quiet = min(self._clock.now() + _QUIET, give_up)
         while self._clock.now() < quiet:
@@ -280,6 +295,8 @@ class LineClient:
             if self._bytes != heard:
                 quiet = min(self._clock.now() + _QUIET, give_up)
         self._discard()
+        # 2. Ask for the identity, and read on until it comes: everything before it is late, everything after
+        #   it is in step. A device without an identity has to do with the silence.
         identify = self._lines.identify
         if identify is None:
             return
@@ -296,6 +313,7 @@ class LineClient:
                 if self.identity is None or found == self.identity:
                     self._in_step = True
                     return
+                # Twice in a row: another device. Once may be a damaged line.
                 if stranger:
                     raise AnotherDevice(f"another device answers than before: {', '.join(found.values())}")
                 stranger = True

@@ -1,4 +1,9 @@
-"""Queries a device for one sample: sends the queries that are due, and reads the values in the answers."""
+"""Queries a device for one sample: sends the queries that are due, and reads the values in the answers.
+
+In: the queries of the rig file, each with its own rate, and a line. Out: a `PolledSample` with the newest
+value of every channel, and the states of outputs that were read. A query that was not due keeps its last
+value; one whose answer makes no sense has none, so that the interlocks see a sensor without a value.
+"""
 
 from __future__ import annotations
 
@@ -95,6 +100,7 @@ class Poll:
         answers = []
         takes = 0.0
         for index, query in enumerate(self._queries):
+            # Slow queries keep their own grid, and are sent with the sample at which they fall due.
             if now < self._due[index] - _SLACK or only not in (None, index):
                 continue
             answer = yield from self._ask(client, index, query)
@@ -102,6 +108,7 @@ class Poll:
                 self._due[index] = max(self._due[index] + query.every, now)
                 if self._due[index] == now:  # the first query, or the first one after a long time
                     self._due[index] = now + query.every
+            # Only these decide how often the device can be sampled.
             if query.every is None:
                 takes += answer.received - answer.sent if answer is not None else math.nan
             if answer is not None:
@@ -119,10 +126,13 @@ class Poll:
         try:
             answer = yield from client.asking(query, fits=self._readable)
         except WrongAnswer as error:
+            # A query for the status alone: its wrong answer is a refusal, as it has no channel that could be
+            # without a value.
             if not query.places:
                 raise
             for place in query.places:
                 self._values.pop(place, None)
+            # Said once, until the query has been answered again.
             if index not in self._silenced:
                 self._silenced.add(index)
                 self._outbox.notice("fault", str(error))

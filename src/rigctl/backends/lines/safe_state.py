@@ -70,10 +70,14 @@ class SafeState:
         """
         outcome = SafeOutcome()
         silence: PortLost | None = None
+        # 1. Command all outputs, each whatever became of the others. After the first silence the rest is sent
+        #   without waiting, as nobody is listening for the answers any more: that takes no time, and the
+        #   device may still hear.
         for step in self._setter.safe_commands():
             try:
                 if silence is not None:
                     outcome.doubt(step.actuators, silence)
+                    # A stranger is commanded no further.
                     if not isinstance(silence, AnotherDevice):
                         client.send(step.text)
                     continue
@@ -83,6 +87,8 @@ class SafeState:
                 outcome.doubt(step.actuators, error)
             except Refused as error:
                 outcome.doubt(step.actuators, error)
+        # 2. Read back, 3. identify: only where the device answers. Otherwise no state that nothing has read
+        #   is believed.
         if silence is None:
             yield from self._reading_back(client, patience, outcome)
             yield from self._identifying(client, patience, outcome)
@@ -102,6 +108,7 @@ class SafeState:
         Errors in the device's queue may have other causes: the command is then sent again.
         """
         errors: list[str] = []
+        # Twice: the first errors in the queue may be old ones, or the guard may have acted in between.
         for _ in range(2):
             try:
                 answer = yield from client.asking(
@@ -128,6 +135,7 @@ class SafeState:
                 continue
             try:
                 answer = yield from client.asking(query, tries=2, timeout=patience)
+                # A state that is not safe yet may be one that the device updates once per cycle.
                 while (wrong := self._wrong(answer, names)) and self._clock.now() < give_up:
                     look = self._clock.now() + _LOOK
                     while self._clock.now() < look:

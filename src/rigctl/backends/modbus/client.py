@@ -88,6 +88,7 @@ class ModbusClient:
             if time.monotonic() - self._beat_at >= self._every:  # only while the caller is alive
                 self._beat()
             return answer
+        # An exception code is an answer: to the code above it is a line that says so, not a loss of contact.
         except (_RefusedError, ValueError) as refused:
             return f"error {refused}"
         except self._failed:  # no answer now; raises if the connection is lost, and there will never be one
@@ -124,6 +125,8 @@ class ModbusClient:
         found = self._identify.text(
             self._fetch(self._identify.table, self._identify.address, self._identify.width)
         )
+        # Before the first success a wrong identity is only reported, as the address may be wrong; afterwards
+        # it means that the device was exchanged, which ends the contact.
         if float(found) != self._equals:
             said = f"modbus unit {self._unit} is {float(found):.15g}"
             if self._identified:
@@ -139,6 +142,9 @@ class ModbusClient:
         for name, place in places.items():
             there = words[place.address - address : place.address - address + place.width]
             written = self._set.get(name)
+            # A register rounds what is written. Where it has what was written, the text of the command is
+            # repeated, so that the number read equals the one commanded; any other content is a state of the
+            # device's own.
             same = written is not None and (written[0] == there or place.repeats(there, written[1]))
             texts.append(written[2] if written is not None and same else place.text(there))
         return " ".join(texts)
@@ -185,6 +191,7 @@ class ModbusClient:
             answer = library.write_registers(place.address, words, device_id=self._unit)
         where = f"{place.table} {place.address}"
         _require(answer, where, done)
+        # RTU has no transaction numbers: a late confirmation of another write looks like the one to this.
         if answer.address != place.address:
             raise _RefusedError(f"a write to {answer.address} was confirmed instead of one to {where}")
         said = answer.bits[:1] if place.is_bit else answer.registers

@@ -144,6 +144,8 @@ class OpcUaClient:
         self._found = ""  # the identity, once the server has been identified
         self._types: dict[str, Any] = {}  # types of the nodes that are written
         self._set: dict[str, tuple[float, float, str]] = {}  # last written: in the node, its number, its text
+        # asyncua needs an event loop that runs all the time, as it renews the session in the background. The
+        # calls come from the thread of the `ClientPort`, one at a time.
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True, name=f"loop of {url}")
         self._thread.start()
@@ -164,6 +166,8 @@ class OpcUaClient:
         try:
             answer = self._waited(self._carry_out(name, argument), self._timeout)
         except (ValueError, self._refusal) as refused:
+            # Of the status codes those of a dead session are a loss of contact; all others are refusals by
+            # the server.
             if getattr(refused, "code", None) in self._ended:
                 raise PortLost(f"{self._name}: {refused}") from None
             return f"error {' '.join(str(refused).split())}"
@@ -171,6 +175,7 @@ class OpcUaClient:
             return None
         except (OSError, self._error) as error:
             raise PortLost(f"{self._name}: {error or 'the connection was closed'}") from None
+        # Late is silence: the line-based code repeats the query, or takes the device for lost.
         return None if answer is _LATE else str(answer)
 
     def close(self) -> None:
@@ -273,6 +278,7 @@ class OpcUaClient:
     async def _put(self, node: str, number: float) -> float:
         """Write a number in the node's data type, and return what was written."""
         ua = self._ua
+        # A server refuses a number of another type than its node's. The type is asked for once.
         if node not in self._types:
             self._types[node] = await self._session.get_node(node).read_data_type_as_variant_type()
         kind = self._types[node]
@@ -288,6 +294,7 @@ class OpcUaClient:
             raise ValueError(f"node {node}: {value:g} is no value of type {kind.name}") from None
         (status,) = await self._session.uaclient.write_attributes([ua.NodeId.from_string(node)], [written])
         status.check()
+        # What the node holds from now on, to be recognised when it is read back.
         if kind is ua.VariantType.Float:
             from struct import pack, unpack
 

@@ -99,6 +99,8 @@ class DriverClient:
                 raise PortLost(f"{self._name}: {said['lost']}")
             if "answer" in said:
                 return said["answer"]
+            # The process announces each call into the driver: the time limit counts for one call, and the
+            # message names it.
             call, until = said["calls"], time.monotonic() + limit
 
     def _why_ended(self) -> str:

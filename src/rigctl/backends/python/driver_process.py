@@ -47,6 +47,7 @@ class Driver:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._set: dict[str, tuple[float, str]] = {}  # by actuator, the number last set, and its text
         self.touched = False  # whether anything was set
+        # Announced first: importing a package may take long, or hang, and the limit is one for each call.
         self._says(f"import of {settings['driver']}")
         made = _class_of(settings["driver"])
         self._asynchronous = inspect.iscoroutinefunction(getattr(made, "connect", None))
@@ -105,6 +106,7 @@ class Driver:
         Untrusted
             the driver raises each time, or gives no number.
         """
+        # A driver that raises may have met a damaged answer; one that raises each time cannot be trusted.
         for left in reversed(range(self._settings["tries"])):
             try:
                 value = self._value(part["get"])
@@ -391,6 +393,7 @@ def main() -> int:
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
+    # Before the package is imported: a driver that prints at import must not write into the protocol.
     lines, out = _own_streams()
 
     def say(**what: str) -> None:
@@ -402,6 +405,8 @@ def main() -> int:
         driver = Driver(json.loads(lines.readline()), lambda name: say(calls=name))
         say(answer="ready")
         for line in lines:
+            # The port was closed in an orderly way, with the outputs dealt with. Without it the other process
+            # was killed.
             if line.strip() == "quit":
                 driver.touched = False
                 break

@@ -1,4 +1,9 @@
-"""Plays back a recorded run as a bench: returns its samples at their times, and acknowledges commands."""
+"""Plays back a recorded run as a bench: returns its samples at their times, and acknowledges commands.
+
+In: a `Recording`. Out: a `Backend`, with which a procedure can be run again on the measured data. Commands
+change nothing; they only align the playback with the recording, since a wait may end one sample earlier or
+later than it did.
+"""
 
 from __future__ import annotations
 
@@ -162,6 +167,7 @@ class Player:
             if switch.time > position + NEAR:
                 return
             if switch.time >= position - NEAR and (switch.actuator, switch.value) == (actuator, value):
+                # In order only: a switch that was matched, or passed over, is never matched again.
                 self._passed = index + 1
                 self._origin = now - switch.time
                 self._index = int(np.searchsorted(recording.times, switch.time, side="right"))

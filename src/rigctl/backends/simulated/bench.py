@@ -1,4 +1,10 @@
-"""The simulated bench as a backend, sampled on a regular grid of an injected clock."""
+"""The simulated bench as a backend, sampled on a regular grid of an injected clock.
+
+In: calls of the runner, and a `Device` (plant, actuators, sensors, faults) that knows no clock. Out:
+samples at exact times. This module is the line between the two: it maps bench time to the device's time,
+takes samples on the grid, and plays a line that is dead for a while, with what a real backend does then:
+samples are lost, and outputs are made safe before anything goes on.
+"""
 
 from __future__ import annotations
 
@@ -100,6 +106,7 @@ class SimulatedBench:
             return None
         self.clock.sleep_until(when)
         self._index += 1
+        # Only now, when the sample is fetched: commands given until here have acted at their own times.
         device.run_to(when - self._origin)
         if self._missed:
             self._report_gap(when, self._make_safe_again(device, when))
@@ -149,6 +156,7 @@ class SimulatedBench:
     def _catch_up(self, device: Device) -> None:
         """Advance the device to now, unless an earlier sample has yet to be taken."""
         now = self.clock.now()
+        # A sample that is due, but not fetched yet, has to show the bench at its own time.
         if self._rate == 0.0 or self._start + self._index / self._rate > now:
             device.run_to(max(device.time, now - self._origin))
 

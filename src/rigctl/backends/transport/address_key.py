@@ -28,6 +28,8 @@ def address_key(kind: str, url: str) -> str:
     url: the address as it was given.
     """
     url = url.strip()
+    # Each kind has its own spellings; where two kinds reach the same device (a socket, a serial port), their
+    # keys are equal on purpose: a lock on one has to exclude the other.
     if kind == "visa" or (kind == "python" and "::" in url):
         return _visa(url)
     if kind == "opcua":

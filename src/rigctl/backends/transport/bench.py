@@ -1,4 +1,18 @@
-"""A bench on a port, with any protocol: opening, closing, loss of contact and reconnection."""
+"""A bench on a port, with any protocol: opening, closing, loss of contact and reconnection.
+
+In: calls of the runner (`rigctl.backends.protocol.Backend`), and a function that opens the port. Out:
+samples, receipts and notices, which wait in an `Outbox` until they are fetched. A subclass for each kind
+of device adds the protocol: how it is identified, sampled, commanded and made safe.
+
+Everything happens on the caller's thread, inside `next_sample`: reading, the end of pulses timed by the
+host, the search for a lost device. During a run no call but `safe` waits for an answer of the device, so that
+a silent one delays no interlock and no signal (see
+docs/decisions/0046-only-safe-state-commands-wait-for-answers.md).
+
+A connection has two states, seen in `_contact`: a device, or None while the search goes on. A loss is noticed
+wherever a `PortLost` arrives; `_lose` is the one way from the first to the second, `_try_again` the one way
+back. What has come back is identified and has its outputs safe before it is a contact again.
+"""
 
 from __future__ import annotations
 
@@ -156,6 +170,7 @@ class PortBench(ABC, Generic[Contact]):
         try:
             port = self._connect()
             self._contact = self._identify(port, again=False).carry_through()
+        # Also for Ctrl-C: a port, or its guard, must not be left behind half opened.
         except BaseException as error:
             if port is not None:
                 port.close()
@@ -168,6 +183,7 @@ class PortBench(ABC, Generic[Contact]):
 
     def close(self) -> None:
         """Make outputs safe if the device can still be reached, and close the port."""
+        # Whatever follows fails or not, the bench is closed.
         contact, self._contact = self._contact, None
         self._opened = False
         self._reconnection.drop()
@@ -186,6 +202,7 @@ class PortBench(ABC, Generic[Contact]):
             raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '10 Hz'")
         self._check_rate(rate)
         self._check_open()
+        # Set although contact may be lost: a device that comes back samples at the newest rate.
         self._rate = rate
         self._begin_sampling()
 
@@ -194,12 +211,15 @@ class PortBench(ABC, Generic[Contact]):
         self._check_open()
         deadline = self.clock.now() + timeout
         self._answered = False
+        # Samples in hand come first: they are handed over even if the device has failed since they were
+        # taken.
         while not self._outbox.samples:
             if self._failure:
                 if self._failure_announced:
                     raise BackendLost(self._failure)
                 self._failure_announced = True  # raise at the next call: notices must be fetched first
                 return None
+            # A command was answered: the caller may wait for just that, and no sample need come.
             if self._answered or self.clock.now() >= deadline:
                 return None
             self._pump(deadline)
@@ -219,6 +239,7 @@ class PortBench(ABC, Generic[Contact]):
         """Send a command; its receipt gives the time at which the device executed it."""
         self._check_open()
         check_command(self._rig, actuator, value, duration)
+        # Nothing to send: a person turns it. The value is noted, so that samples state it from here on.
         if self._rig.actuators[actuator].by == "operator":
             if self._by_hand is not None:
                 self._by_hand(actuator, value)
@@ -229,8 +250,11 @@ class PortBench(ABC, Generic[Contact]):
     def safe(self) -> None:
         """Bring every output to the rig's safe state now."""
         self._check_open()
+        # Before anything is sent: no pulse may end, no queued command be sent, after the outputs are safe.
         self._ends.clear()
         self._drop_orders(f"outputs were made safe before the {self.device} had answered")
+        # Out of reach: nothing is sent to a device that has not been identified again. The reconnection makes
+        # it safe before anything else; until then it is left to its guard or watchdog.
         contact = self._contact
         if contact is None:
             why = f"the bench cannot be reached: {self._reconnection.why}"
@@ -275,6 +299,7 @@ class PortBench(ABC, Generic[Contact]):
 
     def _pump(self, until: float) -> None:
         """Let time pass until `until`, or until something arrives or is due."""
+        # Before reading, as a pulse that the host times should not last until the next sample.
         self._end_pulses()
         contact = self._contact
         if contact is None:
@@ -299,10 +324,14 @@ class PortBench(ABC, Generic[Contact]):
     def _lose(self, error: PortLost) -> None:
         """Handle a loss of contact, and start reconnecting."""
         contact, self._contact = self._contact, None
+        # The order matters: what may have been carried out is noted while it is still known; then pending
+        # commands are given up, so that none is sent again by itself; only then the subclass may take what
+        # has still arrived.
         for pending in self._unanswered():
             self._doubt(pending)
         self._drop_orders(f"contact with the {self.device} is lost: {error}")
         details, kept = ("", None) if contact is None else self._handle_loss(contact, error)
+        # After `_handle_loss`, which may have read a last switch.
         self._cut_off |= self._driven()
         self._reconnection.begin(f"{error}{details}", kept)
         self._outbox.notice("fault", f"contact with the {self.device} is lost: {error}{details}")
@@ -313,6 +342,8 @@ class PortBench(ABC, Generic[Contact]):
         if contact is None:
             return
         self._contact = contact
+        # A device is here again, identified, safe and sampling. What remains is to tell the runner what it
+        # has missed.
         now, lost_at = self.clock.now(), self._reconnection.since
         self._outbox.notice("note", f"the {self.device} is back after {now - lost_at:.1f} s, outputs safe")
         resting, switched_off = self._resting(), sorted(self._cut_off)

@@ -2,6 +2,11 @@
 
 A protocol library blocks while its device is silent. With this port only the library's thread blocks, and the
 line-based code for queries, guards and reconnection can be used with any protocol.
+
+In: lines of `rigctl.rig.protocols.client_lines`, written by the loop's thread. Out: one line for each
+answer. Two queues are all that the threads share; the client is made, used and closed by its own thread
+alone. A thread that is stuck in its library cannot be ended: it is left behind, and the next port to the
+same device waits until it has come back.
 """
 
 from __future__ import annotations
@@ -74,6 +79,7 @@ class ClientPort:
         """Send lines; raises `PortLost`."""
         if self._lost is not None:
             raise PortLost(str(self._lost))
+        # Bytes may arrive in any pieces, as on a real line.
         *lines, self._begun = (self._begun + data).split(b"\n")
         for line in lines:
             if line.strip():
@@ -100,6 +106,8 @@ class ClientPort:
 
         Commands that a silent device has not received are dropped, since they might contradict later ones.
         """
+        # Read by the other thread after each answer: what is still queued for a silent device is then not
+        # sent.
         self._left = time.monotonic() - self._asked > _ENDS_WITHIN
         self._requests.put(None)
         if not self._left:

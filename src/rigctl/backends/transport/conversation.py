@@ -2,6 +2,10 @@
 
 A dialogue is written as a generator. It yields the bench time, s, until which it waits, and is resumed
 whenever something has arrived or that time is reached.
+
+One such dialogue, for instance the identification of a device, is written once and used in two ways: step by
+step while a run goes on (`ActiveConversation`), or to its end where nothing else has to be done meanwhile, as
+in the opening or in making outputs safe (`carry_through`).
 """
 
 from __future__ import annotations
@@ -47,6 +51,8 @@ class ActiveConversation(Generic[T]):
         try:
             take(min(self.until, until))
         except Exception as error:  # noqa: BLE001 - handled by the conversation
+            # Raised inside the dialogue, at its `yield`: it knows whether an attempt can be repeated, and
+            # what to clean up.
             trouble = error
             self._step(lambda: self._conversation.throw(trouble))
         else:

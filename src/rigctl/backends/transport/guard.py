@@ -6,6 +6,11 @@ safe, the guard keeps trying, see `rigctl.backends.transport.safe_state_retries`
 
 It is started by ``python -P -m rigctl.backends.transport.guard PORT``, where PORT is the TCP port on which
 rigctl listens for it; the secret that authenticates it is read from stdin.
+
+Two threads share the port: the main one reads from rigctl and writes to the device (`_serve`), a second one
+reads from the device and writes to rigctl (`_listen`). Both write to the socket, hence `_sending`; only the
+main one writes to the port, so that no byte of rigctl's can come between the safe commands. Why a process and
+not a thread of rigctl: docs/decisions/0012-separate-process-holds-ports-without-watchdog.md.
 """
 
 from __future__ import annotations
@@ -131,12 +136,16 @@ class Guard:
 
     def run(self) -> Outputs | None:
         """Forward bytes until rigctl releases the port; return the outputs' state, None if rigctl ended."""
+        # 1. Serve rigctl, for as long as it is there.
         listener = threading.Thread(target=self._listen, daemon=True)
         listener.start()
         try:
             self._left = self._serve()
         finally:
             self._over.set()
+        # 2. rigctl has ended without a word, or with outputs that may be on: off with them at once, unasked
+        #   and without waiting for answers. Whether the device has obeyed is found out afterwards, by
+        #   `SafeStateRetries`.
         if self._left in (None, Outputs.DRIVEN) and self.here:
             self._make_safe()
         listener.join(2.0 * _READ)
@@ -149,6 +158,8 @@ class Guard:
     def _serve(self) -> Outputs | None:
         """Serve rigctl until it releases the port or ends, or until the port is lost while it is silent."""
         self._connection.settimeout(_LOOK)
+        # A message of any kind is a sign of life, whatever it carries; the loop of rigctl sends one at least
+        # every 0.2 s.
         heard, suspended = time.monotonic(), self._clock.suspended()
         while not self._ended.is_set():
             data: bytes | None = None
@@ -158,8 +169,12 @@ class Guard:
                 pass
             except OSError:
                 return None
+            # The connection has ended with rigctl's process: the system closes it even after SIGKILL.
             if data == b"":
                 return None
+            # After a suspension outputs become safe before anything that has arrived since is obeyed: rigctl
+            # may have woken first. A silence without one is noticed at a time-out of `recv`, when nothing has
+            # arrived.
             asleep = self._clock.suspended() - suspended  # this process was silent, too
             silence = time.monotonic() - heard if data is None else 0.0
             if asleep >= self._orders.watchdog:  # before anything that rigctl has sent since
@@ -180,6 +195,7 @@ class Guard:
     def _obey(self, frame: Frame, content: bytes) -> None:
         if frame is Frame.IDENTIFIED:
             self.identity, self.here = json.loads(content), True
+        # From here on nothing is sent to this port by the guard itself: it is not its device.
         elif frame is Frame.EXCHANGED:
             self.here = False
         elif frame is Frame.RESUME:
@@ -193,10 +209,14 @@ class Guard:
     def _act(self, silence: float) -> bool:
         """Make outputs safe, repeatedly while rigctl is silent; return False if that is not possible here."""
         now = time.monotonic()
+        # Not identified yet, or another device: nothing may be sent. The guard ends instead, which rigctl
+        # notices.
         if not self.here:
             return False
         if self._acted and now < self._next_act:
             return True
+        # Until rigctl answers ACTED with RESUME, its commands are dropped: they were made without knowing of
+        # this. The safe commands are repeated, as a device may have missed the first ones.
         first, self._acted = not self._acted, True
         self._next_act = now + self._orders.watchdog
         if not self._make_safe():
@@ -232,6 +252,7 @@ class Guard:
 
 def main() -> int:
     """Connect to rigctl, open the port that it names, and guard it."""
+    # The secret comes on stdin, as arguments of a process can be read by other users.
     secret = sys.stdin.readline().strip()
     for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # meant for rigctl, to whose reaction the guard responds
         number = getattr(signal, name, None)
@@ -251,6 +272,7 @@ def main() -> int:
         except (RigctlError, PortLost) as error:
             send_frame(connection, Frame.REFUSED, _refusal(error))
             return 1
+        # From now on earlier guards of this device know that it is in other hands, and end.
         holding = hold(orders.address.key)
         guard = Guard(connection, orders, port, clock)
         signal.signal(signal.SIGTERM, lambda _number, _frame: guard.end())
@@ -260,10 +282,12 @@ def main() -> int:
         except BaseException:
             port.close()
             raise
+    # Only now, with rigctl gone: make safe what has to be, with confirmation, for as long as it takes.
     done, still_open = True, [port]
     for identity in _unsafe(left, guard, orders, inherited):
         unsafe = replace(orders, identity=identity)
         retries = SafeStateRetries(unsafe, clock, connect, lambda: guard.ended, holding)
+        # Only a device that was identified on this very connection is trusted without being asked again.
         known = guard.here and identity == guard.identity
         done = retries.carry_out(still_open.pop() if still_open else None, known=known) and done
     for port in still_open:
@@ -304,6 +328,8 @@ def _connect(orders: GuardSettings, clock: Clock) -> Connect:
 
 def _open(orders: GuardSettings, connect: Connect) -> tuple[Port, Notice | None]:
     """Open the port; also return the notice of another guard that was making its device safe, now stopped."""
+    # A guard left behind by an earlier run may hold the port: removing its notice asks it to let go, and the
+    # port is tried until it has. Its device is then this guard's to make safe, too.
     give_up = time.monotonic() + _GIVES_WAY
     inherited: Notice | None = None
     while True:

@@ -1,4 +1,11 @@
-"""A port held by the guard: all data pass through it, which also shows that rigctl is alive."""
+"""A port held by the guard: all data pass through it, which also shows that rigctl is alive.
+
+rigctl's side of `rigctl.backends.transport.guard`. To the protocol above it is a `Port` like any other,
+except that `read` and `write` raise `GuardActed` once after the guard has made outputs safe by itself.
+
+The heartbeat is sent by `read`, which the sampling loop calls: a thread of its own would go on sending while
+the loop hangs, which is the case that the guard is for.
+"""
 
 from __future__ import annotations
 
@@ -72,6 +79,8 @@ class GuardedPort:
 
     def write(self, data: bytes) -> None:
         """Send `data`."""
+        # First what the guard has said: a command must not be sent on after it has acted, or after the port
+        # was lost.
         self._take(0.0)
         self._check()
         self._tell(Frame.WRITE, data)
@@ -84,6 +93,7 @@ class GuardedPort:
             left = (until - self._clock.now()) / self._clock.speed
             self._take(min(max(left, 0.0), _LONGEST_WAIT))
         data, self._data = self._data, b""
+        # Data that have arrived are handed over first; a loss is reported once there are no more of them.
         if not data:
             self._check()
         return data
@@ -99,6 +109,8 @@ class GuardedPort:
 
     def close(self) -> None:
         """Close the port and end the guard, unless it still has to make the device safe."""
+        # What is known of the outputs decides what becomes of the guard: it ends where they are safe, and
+        # goes on by itself where they are not, or where nobody knows.
         outputs = self._duty.outputs
         with suppress(OSError):
             send_frame(self._connection, Frame.CLOSE, outputs.value)
@@ -157,6 +169,7 @@ class GuardedPort:
         """Raise `PortLost` if the port is lost, and `GuardActed` once if the guard has made outputs safe."""
         if self._silence is not None:
             silence, self._silence = self._silence, None
+            # Acknowledged before it is raised: whoever handles it may command again at once.
             self._tell(Frame.RESUME)
             raise GuardActed(silence)
         if self._lost:
@@ -173,6 +186,8 @@ class GuardedPort:
 def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
     """Start the guard's process, and connect to it."""
     secret = secrets.token_hex(16)
+    # rigctl listens and the guard connects, on this computer only: the guard, which outlives rigctl, then has
+    # no port on which others could reach it.
     with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
         server.settimeout(_STARTS_WITHIN)
         port = str(server.getsockname()[1])
@@ -229,6 +244,8 @@ def _accept(server: socket.socket, process: subprocess.Popen[str], secret: str) 
             ) from None
         connection.settimeout(_STARTS_WITHIN)
         try:
+            # Any process of this computer may connect first. One that does not know the secret is turned
+            # away.
             frames = list(FrameReader().feed(connection.recv(1024)))
         except (OSError, ValueError):
             frames = []

@@ -90,6 +90,8 @@ class Reconnection(Generic[Device]):
         self._pause = _FIRST_RETRY
         self.why = why
         self._identification = None
+        # Where only the answers failed to come, the port itself is kept: opening it again would restart many
+        # boards.
         if still_open is not None:
             try:
                 self._identification = self._identify(still_open)
@@ -104,6 +106,8 @@ class Reconnection(Generic[Device]):
         BackendLost
             the limit has passed, or another device answers.
         """
+        # Each call does one small step and returns: wait a little, open the port, or go on with the
+        # identification. The caller samples other devices, and handles signals, in between.
         now = self._clock.now()
         if now - self.since > self._limit:
             self.drop()
@@ -115,10 +119,12 @@ class Reconnection(Generic[Device]):
             if self._identification is None:
                 self._identification = self._open(now)
             device = self._identification.go_on(until)
+        # Temporary: the next attempt follows after a pause.
         except PortLost as error:
             self.why = str(error)
             self.drop()
             return None
+        # Another device answers, or the right one cannot be set up: no further attempt would end otherwise.
         except RigctlError as error:
             self.drop()
             raise BackendLost(str(error)) from None
@@ -133,6 +139,7 @@ class Reconnection(Generic[Device]):
         self._identification = None
 
     def _open(self, now: float) -> DeviceIdentification[Device]:
+        # Counted from the beginning of this attempt, which may itself take seconds.
         self._next_try = now + self._pause
         self._pause = min(2.0 * self._pause, _LONGEST_RETRY)
         try:

@@ -3,6 +3,16 @@
 A guard does this after rigctl has ended with outputs that may be on. A small file in the user's state folder,
 the notice, reports it to `rigctl doctor`, `monitor` and `off`; a program that opens the port removes the
 file, which ends the guard.
+
+Two files for each address, in the folder of guards: ``KEY.json``, the notice of the guard that is trying,
+and ``KEY.holder``, the process that has opened the port last. Each is replaced or removed by whoever
+takes over, and a guard that no longer finds its own token stops. Two guards on one device would
+contradict each other; worse, one left over from yesterday would switch off today's run.
+
+An attempt is: open the port if it is closed, identify the device, send every safe command, read every
+state back, identify the device again. Nothing is sent to a device that can be identified and has not
+been, in this attempt or just before. See docs/decisions/0042-unconfirmed-endings-are-reported.md and
+0137-only-read-back-outputs-are-safe.md.
 """
 
 from __future__ import annotations
@@ -163,16 +173,20 @@ class SafeStateRetries:
             try:
                 if self._taken_over():
                     raise _TakenOver
+                # A port that was just opened may lead to any device.
                 if port is None:
                     port, known = self._open_port(), False
                 if not known:
                     self._require_same(port)
+                # Whatever was known counts for one attempt.
                 known = False
                 self._make_safe(port)
             except _TakenOver:
                 _close(port)
                 return False
             except (PortLost, RigctlError) as error:
+                # A silent device keeps its port (opening it again would restart some boards); another device,
+                # or a port that is gone, does not.
                 if isinstance(error, PortLost) and port is not None and not isinstance(error, _Mute):
                     port.close()
                     port = None
@@ -192,6 +206,7 @@ class SafeStateRetries:
         if orders.identify is None:
             return
         try:
+            # A wrong answer is another device's; no answer may come from a device that is still starting.
             found = self._exchange(port, orders.identify)
         except _Mute as error:
             if self._silent:
@@ -241,6 +256,7 @@ class SafeStateRetries:
 
         texts: dict[str, str] = {}
         self._silent = False
+        # Late answers of earlier exchanges must not be taken for the answer to this one.
         while port.read(self._clock.now()):
             pass
         self._rest = b""
@@ -298,6 +314,7 @@ class SafeStateRetries:
 
         A notice that could not be written, or cannot be read, does not count as removed.
         """
+        # First the record of who has opened the port, which also holds where no notice could be written.
         if self._holding and _held_by_another(self._orders.address.key, self._holding):
             return True
         if not self._announced:
@@ -305,6 +322,7 @@ class SafeStateRetries:
         found = _read(self._path)
         if found is not None:
             return found.token != self._notice.token
+        # A folder that is gone altogether shows nothing: a disk may have been unmounted.
         return self._path.parent.is_dir() and not self._path.exists()
 
     def _withdraw(self) -> None:

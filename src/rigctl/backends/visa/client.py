@@ -88,6 +88,8 @@ class VisaClient:
     def _exchange(self, line: str) -> str | None:
         """Send a message, and read its answer as `answer`."""
         try:
+            # Before each message: a late answer would be taken for the answer to this one, and all later ones
+            # be shifted.
             self._discard()
             self._instrument.write(line)
             if "?" not in line:
@@ -96,6 +98,7 @@ class VisaClient:
             if answer is not None:
                 return answer.strip()
         except self._errors as error:
+            # A time-out is an instrument that does not answer; any other error is a connection that is gone.
             if not (isinstance(error, self._io_error) and error.error_code == self._time_out):
                 raise PortLost(f"{self._name}: {error}") from None
         try:
