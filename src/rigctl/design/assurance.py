@@ -1,4 +1,11 @@
-"""The predicted power of a set of records, over draws of what may be right."""
+"""The predicted power of a set of records, over draws of what may be right.
+
+In: the rivals, what the data so far say of them (`Known`), and proposed records. Out: a `PredictedResult`:
+for every pair the probability that a diagnosis of old and new records distinguishes it. It is an assurance:
+the power averaged over draws of the right one's parameters from their posterior, because a power at the best
+estimate alone would be too certain. The search itself does without draws, which would be needed for each of
+hundreds of candidates.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +46,8 @@ def drawn(rival: Rival, covariance: Floats, seed: int, count: int = DRAWS) -> Fl
     `covariance` is that of the unknowns over their typical sizes, for the stated noise; it is widened by the
     rival's overdispersion.
     """
+    # θ = θ̂ + L·n, L·Lᵀ the posterior covariance. Draws are clipped at the bounds: a model may not be
+    # simulated beyond them.
     rng = np.random.default_rng(seed)
     values, vectors = np.linalg.eigh(covariance * rival.overdispersion)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -74,6 +83,8 @@ class Draws:
 
     def outputs(self, index: int, proposal: Proposal) -> Floats:
         """(draws, n, outputs) SI for one rival; NaN if a draw cannot be simulated."""
+        # Draws are the larger part of a design's cost, and the same ones are needed for the limits, for every
+        # pair and for every set that contains the record.
         key = (index, id(proposal))
         if key not in self._outputs:
             self._kept.append(proposal)  # so that its id stays unique
@@ -108,6 +119,8 @@ class Draws:
 
     def gain(self, pair: Pair, chosen: Sequence[Proposal]) -> Gain:
         """The gain of records together, if the first of the pair is right."""
+        # D = Δᵀ·S₂⁻¹·Δ − δᵀ·S₁⁻¹·δ: what the rival still misses after its refit, less what the right one
+        # itself would miss at its present fit, since it has to be refitted too.
         truth, rival = pair
         right = self._truth_draws(truth, chosen)
         refit, fit = self._refit(rival, chosen)
@@ -123,6 +136,8 @@ class Draws:
 
         Computed only if the two are near enough for it to matter.
         """
+        # The linear problem only knows how far the rival bends at its present fit. One that is far away need
+        # not be refitted: even a fraction of its distance suffices.
         near = [pair for pair, distance in linear.items() if 0.0 < distance < _FAR]
         scenes = [self.workshop.scene(one) for one in chosen]
         gained = dict(zip(near, refitted_gains(self.rivals, near, scenes, workers), strict=True))
@@ -144,6 +159,8 @@ class Draws:
 
     def _compute_truth_draws(self, truth: int, chosen: Sequence[Proposal]) -> _TruthDraws:
         refit, fit = self._refit(truth, chosen)
+        # Draws that could not be simulated are left out of the mean; they have been counted against the
+        # record where its distance from the limits was judged.
         drawn_rows = np.vstack(
             [self.workshop.scene(one).whitener(np.moveaxis(self.outputs(truth, one), 0, 2)) for one in chosen]
         )
@@ -206,12 +223,16 @@ def as_refitted(
 
 def predicted_result(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> PredictedResult:
     """The predicted result of records together; with no records, that of the data so far."""
+    # Before any record the gain is 0 with certainty: the "before" of each pair is what the margin so far
+    # decides.
     nothing = Gain(np.zeros(1), np.zeros(1))
     rivals = criterion.question.rivals
     evidence: Evidence | None = together(chosen) if chosen else None
     count = len(rivals)
     distances = np.zeros((count, count)) if evidence is None else criterion.distances(evidence)
     before = {pair: criterion.of_pair(pair, nothing, np.zeros((count, count))) for pair in criterion.pairs}
+    # At the draws a rival is refitted linearly. Of that gain an actual refit leaves the share `stays`: the gain
+    # is that in noise wider by its inverse.
     gains = {
         pair: draws.gain(pair, chosen).scaled(1.0 / max(criterion.stays(pair), _NOTHING))
         if chosen

@@ -1,6 +1,8 @@
 """The worth of a set of records: how far it separates the rivals, or how precisely it determines a size.
 
-A distance counts as a share of the sufficient distance, up to 1: a pair that is distinguished reliably needs
+In: the `Evidence` of records together, of every rival. Out: a number that a search maximises, and the
+probability by which it may stop. One class for each aim: `Discrimination`, `Detection`, `Precision`. A
+distance counts as a share of the sufficient distance, up to 1: a pair that is distinguished reliably needs
 no further record, however far one would separate it.
 """
 
@@ -78,6 +80,7 @@ class Margins:
         """t, if the truth explains what it does so far, and its D from the model without it in addition."""
         if self.none is None or self.none == truth:
             return threshold_of(0.0)
+        # The more an effect explains, the larger a difference its shape tolerance can make: t grows with χ².
         so_far = float(self.chi2[self.none] - self.chi2[truth])
         return threshold_of(max(so_far, 0.0) + float(distances[truth, self.none]))
 
@@ -123,6 +126,7 @@ class Discrimination:
 
     def distances(self, evidence: Evidence) -> Floats:
         """(k, k) D in noise as wide as the truth's own fit leaves it."""
+        # Row i: noise as wide as the truth i leaves it at its own fit, whichever rival is refitted.
         factors = np.array([one.overdispersion for one in self.question.rivals])
         distances = np.asarray(evidence.distances(self.known.information) / factors[:, None])
         for pair in self.pairs:
@@ -136,6 +140,8 @@ class Discrimination:
 
     def worth(self, evidence: Evidence) -> float:
         """The worth at the rivals' fits."""
+        # For each truth its nearest rival counts, because a verdict names one effect only if all others are
+        # excluded.
         shares = self._shares(evidence)
         return sum(
             weight * (min(shares[truth]) + _OTHERS * sum(shares[truth]) / len(shares[truth]))
@@ -262,6 +268,8 @@ class Precision:
     def covariance(self, evidence: Evidence | None = None) -> Floats:
         """Covariance of the chosen parameters, scaled, now or with new records."""
         known = self.known.information[0]
+        # ln(|C_before|/|C_after|) of the chosen parameters alone: all others are nuisances, and inverting the
+        # whole information before taking the block integrates them out.
         information = known if evidence is None else known + evidence.information[0]
         return np.asarray(np.linalg.inv(information), dtype=float)[np.ix_(self.places, self.places)]
 

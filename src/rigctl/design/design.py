@@ -1,8 +1,10 @@
 """Design the next experiment for a model on its runs.
 
-The explanations that a diagnosis leaves are linearised at their fits (`information_so_far`), a search finds
-records that the rig can make (`search`), and their power is predicted over draws from the posteriors
-(`assurance`).
+In: runs and a model, or a diagnosis of them. Out: a `DesignResult`: records that the bench can make, in the
+order in which to take them, with their predicted power and the procedure. The explanations that a diagnosis
+leaves are linearised at their fits (`information_so_far`), a search finds records that the rig can make
+(`search`), and their power is predicted over draws from the posteriors (`assurance`). The linear problem
+finds, draws and refits judge: where they contradict it, the search is repeated with what they show.
 """
 
 from __future__ import annotations
@@ -98,6 +100,7 @@ def design_experiment(
     report = on_progress or no_progress
     if separate is not None:
         require_names(model, separate)
+    # 1. What is open. The diagnosis gives the rivals and the aim: discrimination, detection, or precision.
     diagnosed = diagnosis or diagnose(
         runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=report
     )
@@ -110,11 +113,13 @@ def design_experiment(
     rig = measured.rig
     assert rig is not None  # noqa: S101 - data with a course in time are of a bench
     report(f"Designing for {', '.join(one.name for one in question.rivals)}")
+    # 2. What the data so far say of every rival, and what the bench can do.
     design = _Design.on(question, rig, rig_reference(runs, rig), seed, workers)
     try:
         chosen = design.chosen(records or MOST_RECORDS, budget, report)
     except NothingToSet as error:
         raise design.sensor_instead(error) from None
+    # 3. The predicted power of the chosen records, by draws and refits, and the answer for the user.
     result = design.result(diagnosed, chosen)
     if not sensors and (result.separable or result.aim != "discrimination"):
         return result
@@ -207,6 +212,10 @@ class _Design:
         RigctlError
             nothing sets the bench's conditions, or the budget is too small for any record.
         """
+        # Candidates are simulated once, with every rival; the search afterwards adds up their information,
+        # which costs hardly anything. So the set may be searched several times: by worth per minute and by
+        # worth alone, without records that a limit or the rig refuses, and again if refits show that the
+        # linear distances were an illusion.
         workshop = self.workshop
         schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
         report("Simulating candidates with every rival")
@@ -217,6 +226,8 @@ class _Design:
         limit = math.inf if budget is None else budget
         search = Search(workshop, self.criterion, self.clock, self.pool, records, limit)
         proposals = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
+        # What a rival absorbs in these records by moving far, it absorbs in records like them: the criterion
+        # counts the share that is left, and other kinds of records come to the front.
         if self._refit(proposals):
             report("Searching again, with what a rival absorbs in the records left out")
             search = replace(search, criterion=self.criterion)
@@ -265,6 +276,8 @@ class _Design:
 
     def _acceptable(self, search: Search) -> list[Proposal]:
         """The best set of records that keep clear of every limit for every draw, and that the rig accepts."""
+        # Limits at the draws are tested here, for the chosen few: for every candidate they would cost a
+        # hundred simulations with each rival. A refused record is taken out, and the set is searched anew.
         while True:
             proposals = search.best_set()
             refused = self._refused(proposals)

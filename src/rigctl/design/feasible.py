@@ -68,6 +68,8 @@ def _possible(rig: Rig, name: str, course: Floats, room: Floats) -> bool:
 def keeps_clear(rig: Rig, channels: Sequence[str], scene: Scene, covariances: Sequence[Floats]) -> bool:
     """Whether every rival keeps clear, with the uncertainty of its parameters added to the noise."""
     for predicted, covariance in zip(scene.predicted, covariances, strict=True):
+        # Three standard deviations of everything that is uncertain: noise, the rival's parameters, settings
+        # and zeros.
         spread = np.hypot(scene.sigma, predicted.spread(covariance))
         if not np.all(np.isfinite(predicted.outputs)):
             return False

@@ -66,6 +66,9 @@ class Evidence:
     @classmethod
     def of(cls, responses: Sequence[Response]) -> Evidence:
         """The evidence of one record, from every rival's response to it."""
+        # Δ_ij = f_i − f_j in whitened rows. The record-level unknowns of the rival j, which is refitted, are
+        # projected off once for all i, and with them its derivatives: the rest is sums of products, additive
+        # over records.
         predicted = np.stack([one.predicted for one in responses], axis=1)
         squares = np.zeros((len(responses), len(responses)))
         slopes, information = [], []
@@ -104,6 +107,7 @@ class Evidence:
         distances = self.squares.copy()
         for j, (slopes, information) in enumerate(zip(self.slopes, self.information, strict=True)):
             if slopes.shape[1]:
+                # D = ΔᵀPΔ − bᵀ(I + JᵀPJ)⁻¹b, b = JᵀPΔ: the only step that is not additive, in p × p matrices.
                 solved = np.linalg.solve(known[j] + information, slopes.T)
                 distances[:, j] -= np.einsum("kp,pk->k", slopes, solved)
         return np.maximum(distances, 0.0)
@@ -126,6 +130,8 @@ class Refit:
     @classmethod
     def of(cls, responses: Sequence[Response], known: Floats) -> Refit:
         """The refit to new records, which share the common parameters but not the record-level ones."""
+        # Columns times the standard deviations so far, so that S = 1 + A·Aᵀ; S⁻¹ by Woodbury in the number of
+        # unknowns.
         root = np.linalg.cholesky(np.linalg.inv(known)) if known.size else np.zeros((0, 0))
         shared = np.vstack([one.shared for one in responses]) @ root
         rows = [one.predicted.size for one in responses]

@@ -53,8 +53,12 @@ def known_so_far(rivals: Sequence[Rival]) -> Known:
     """Linearise every rival at its fit to the data so far, with its record-level unknowns free."""
     information = []
     for rival in rivals:
+        # Information of the real records, at each rival's own fit and in the noise of the most probable one:
+        # JᵀPJ.
         data = [one.shared.T @ one.left(one.shared) for one in _responses(rival, rivals[0])]
         information.append(rival.prior_information() + np.asarray(np.sum(data, axis=0), dtype=float))
+    # Beside it, what a repeat of each record would be expected to show: the same quantities as for a new
+    # record, with which a proposed one is compared.
     fit = rivals[0].fit
     scenes = predict(rivals, [fit.problem.records[k] for k in fit.fitted])
     return Known(

@@ -77,6 +77,9 @@ def power_to_distinguish(
     """
     from scipy.special import ndtr
 
+    # A verdict needs odds of t, and a separation: from signatures, if √(D₀ + D)/2 is expected to suffice,
+    # otherwise from refits, less two of their standard deviations. P is that of a gain N(D, 4V) above what is
+    # lacking to both.
     expected = 0.5 * np.sqrt(np.maximum(so_far + gained.mean, 0.0))
     by_refit = (2.0 * LEAST_SEPARATION + REFIT_SCATTER * 2.0) ** 2
     required = np.where(expected >= LEAST_SEPARATION, threshold, max(threshold, by_refit))
@@ -119,6 +122,7 @@ def detection_power(noncentrality: float | Floats, parameters: int, library: int
     """
     from scipy.stats import chi2, ncx2
 
+    # χ² of the effect's parameters under H₀ at α/K (Bonferroni), non-central with λ² if the effect is there.
     critical = chi2.isf(ALPHA / max(library, 1), parameters)
     values = np.maximum(np.atleast_1d(np.asarray(noncentrality, dtype=float)), 1e-12)
     return float(np.mean(ncx2.sf(critical, parameters, values)))

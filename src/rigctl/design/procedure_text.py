@@ -1,4 +1,9 @@
-"""A set of records as a readable procedure, which `rigctl check` and `rigctl run` accept unchanged."""
+"""A set of records as a readable procedure, which `rigctl check` and `rigctl run` accept unchanged.
+
+In: recipes and the rig. Out: the text of a procedure. Its forecast decides whether a record is proposed at
+all, and its numbers are those that were simulated, because recipes are rounded to their written form before
+anything is computed.
+"""
 
 from __future__ import annotations
 

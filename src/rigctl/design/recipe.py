@@ -1,4 +1,9 @@
-"""A record as instructions for a bench: the operating point, the initial state, and the steps."""
+"""A record as instructions for a bench: the operating point, the initial state, and the steps.
+
+In: the rig, and where the model's inputs come from (`Stage`). Out: the inputs of a record over time, in SI,
+for the simulation, and its steps as text, for the procedure. Both come from one `Recipe`, so that what is
+simulated is what will be carried out.
+"""
 
 from __future__ import annotations
 
@@ -105,6 +110,7 @@ class Stage:
     def course(self, recipe: Recipe, label: str = "designed") -> PlannedRecord:
         """The inputs of a recipe's record, and the first readings of the channels."""
         commands = self.commands_before(recipe)
+        # Commands as the runner would give them, in SI: what is simulated is what the procedure will do.
         times, rows = [0.0], [self.inputs(commands)]
         clock = 0.0
         for step in recipe.steps:

@@ -43,6 +43,7 @@ def refitted_gain(rival: Rival, truth: int, scenes: Sequence[Scene]) -> float:
     ----------
     truth: the index of the right one among the scenes' predictions.
     """
+    # "Measured" without noise: the expected increase of the rival's χ² is then the increase itself.
     new = [replace(scene.record, values=scene.predicted[truth].outputs) for scene in scenes]
     problem, local = _with_records(rival, new, scenes)
     try:
@@ -82,6 +83,8 @@ def _with_records(
 ) -> tuple[Problem, list[Floats]]:
     """The data so far and new records as one problem starting at the rival's fit; and the local unknowns'
     starts."""
+    # Every array of a problem that has an entry for each record is extended by those of the new ones, whose
+    # noise is as predicted.
     fitted = rival.fit
     so_far, added = fitted.problem.only(fitted.fitted), Outlines(rival, new).problem
     count, outputs = len(new), len(so_far.measurements.outputs)

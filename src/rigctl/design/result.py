@@ -1,4 +1,9 @@
-"""A designed experiment: the rivals, the records to take, and their predicted power."""
+"""A designed experiment: the rivals, the records to take, and their predicted power.
+
+`DesignResult` is what `rigctl.design.design` returns, for people and for programs. It keeps the diagnosis
+and the writer of the procedure, so that a loop can carry the design out and compare the outcome with the
+prediction. The words are made in `rigctl.answers`.
+"""
 
 from __future__ import annotations
 

@@ -61,6 +61,7 @@ class RigTime:
 
     def in_order(self, recipes: Sequence[Recipe]) -> tuple[float, ...]:
         """The bench time of each recipe, s, if carried out in this order."""
+        # The state is carried from record to record: a tank that is warm already needs little heating.
         state, at, each = self.start, None, []
         for recipe in recipes:
             spent = 0.0

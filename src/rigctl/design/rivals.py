@@ -1,4 +1,9 @@
-"""The remaining explanations: which they are, how probable, and how well each is determined."""
+"""The remaining explanations: which they are, how probable, and how well each is determined.
+
+In: a diagnosis, or names given by the user. Out: a `Question`: the aim of the design, at most five rivals,
+each refitted to all data so far, and the pairs of them that are to be distinguished. The verdict decides
+what the question is, so that a design continues where the diagnosis ended.
+"""
 
 from __future__ import annotations
 
@@ -148,6 +153,8 @@ def _left_open(diagnosis: Diagnosis) -> Question:
         # with the errors of sensors free in every rival: what distinguishes them is what no error within the
         # stated calibrations imitates
         return _between(diagnosis, "discrimination", set(diagnosis.instead_of_sensors))
+    # What is open follows from the verdict, in this order: names that are not distinguished; else the size of
+    # what is named; else what may be there unseen; else the most probable names of a search that named none.
     classes = [names for names in diagnosis.classes if len(names) > 1]
     if classes:
         return _between(diagnosis, "discrimination", {name for names in classes for name in names})
@@ -229,6 +236,8 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
 
     The model without is never the one that is to be found right: every effect becomes it at size zero.
     """
+    # Every name in its best set, and the model without any of them, weighed by mBIC; the least probable are
+    # dropped.
     candidates = [_rival_of(diagnosis, name, _trial_of(diagnosis, name)) for name in sorted(names)]
     candidates.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
     rivals = _weighed(candidates)
@@ -271,6 +280,8 @@ def _requested(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
 
 def _unseen(diagnosis: Diagnosis) -> Question:
     """Effects that might be present at their usual size without being detected: each against none."""
+    # Effects that these data would probably miss although they are there; without those that no data of this
+    # kind show. Their parameters are at typical values, since nothing is known of them.
     hidden = hidden_at_typical_size(diagnosis.before.projected)
     silent = set(diagnosis.before.screening.untestable)
     scores = sorted(diagnosis.before.screening.scores, key=lambda one: one.p_value)

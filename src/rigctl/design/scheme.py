@@ -1,7 +1,10 @@
 """What may be varied: recipes of one kind as functions of a few free numbers, built from records so far.
 
-A bench that moves gets the order of moves of earlier records, and orders that start or end elsewhere; a bench
-that is set to levels gets staircases of them, and slow ramps if they are continuous.
+In: the rig with the conditions of the data so far (`Stage`), and their records. Out: `Scheme`s, each a map
+from the unit cube to recipes. A bench that moves gets the order of moves of earlier records, and orders that
+start or end elsewhere; a bench that is set to levels gets staircases of them, and slow ramps if they are
+continuous. Commands of earlier records are known to be possible on the bench, and imported data have no
+procedure that could be varied instead.
 """
 
 from __future__ import annotations
@@ -132,6 +135,8 @@ def _moves(stage: Stage) -> list[InputSource]:
 
 
 def _move_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[Scheme]:
+    # Orders of moves that this bench has made, then others that consist of the same moves: the user's
+    # procedures show what the bench can do.
     steps_by_order = {
         tuple(step.verb for step in steps): steps for steps in map(_moves_taken(stage), records) if steps
     }
@@ -202,6 +207,7 @@ def _level_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[
     if not levels and not point:
         return
     longest = max(float(record.times[-1] - record.times[0]) for record in records)
+    # Times follow from the records so far: a hold of a staircase is up to the longest one in them.
     dwell = max(_dwells(records), default=longest)
     rate = max(_rate(record) for record in records)
     time = _time("dwell", _SHORTER * dwell / _LEVELS, dwell)
@@ -288,6 +294,8 @@ def _operating_point(stage: Stage) -> list[Free]:
     """What is established before a record: a temperature, a pressure."""
     rig, inputs = stage.rig, {name for source in stage.sources for name, _ in source.actuators}
     variables = []
+    # Only what the rig file gives a role can be established before a record; its range is that in which no
+    # limit trips.
     heat, pressure = rig.roles.heat, rig.roles.set_pressure
     if heat is not None and heat.channel in stage.readings:
         low, high = allowed(rig, heat.channel, _coldest(rig), math.inf)

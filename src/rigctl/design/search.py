@@ -91,6 +91,8 @@ class Workshop:
 
     def propose(self, points: Sequence[tuple[Scheme, Sequence[float]]]) -> list[Proposal | None]:
         """A proposal for each point of a scheme; None if the point is not acceptable."""
+        # Numbers are rounded as they are written, so that different points may give one recipe: each is
+        # simulated once.
         recipes = [scheme.recipe(point) for scheme, point in points]
         fresh = {_key(one): k for k, one in enumerate(recipes) if _key(one) not in self._proposals}
         indices = list(fresh.values())
@@ -139,6 +141,8 @@ class Workshop:
 
     def _scenes(self, recipes: Sequence[Recipe]) -> list[Scene | None]:
         measurements = self.rivals[0].fit.problem.measurements
+        # In turn: the rest before the record, the record with every rival, its distance from the limits, and
+        # the ranges over which the rivals' laws were learned. What fails goes no further.
         courses = self._courses(recipes)
         group = 1 + max(record.group for record in measurements.records)
         good = [k for k, course in enumerate(courses) if course is not None]
@@ -161,6 +165,8 @@ class Workshop:
         """The inputs of the records, each starting where the preceding levels leave the bench; None if that
         comes near a limit."""
         courses: list[PlannedRecord | None] = [self.stage.course(one) for one in recipes]
+        # A record of levels starts where the levels before it have brought the bench: that rest is simulated
+        # first, and must keep clear of the limits as well.
         resting = [k for k, one in enumerate(recipes) if one.rest > 0.0]
         if not resting:
             return courses
@@ -302,6 +308,8 @@ class Search:
 
     def _exchanged(self, chosen: Sequence[Proposal], best: Proposal) -> Proposal:
         """`best` with its free numbers changed one after the other as long as that improves it."""
+        # Coordinate exchange: one number after the other at seven values, the best kept; a second sweep,
+        # since the best value of one depends on the others.
         so_far = _Taken.of(chosen, self.criterion, self.clock)
         for _ in range(SWEEPS):
             before = self._rate(so_far, best)

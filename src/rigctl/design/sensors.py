@@ -1,7 +1,8 @@
 """Which sensor would distinguish the rivals: the same distances with channels that the bench could have.
 
-The records are the proposed ones and a repetition of the earlier ones: the power with a sensor is compared
-with that without.
+In: the criterion of a design, the rig with its possible sensors, and records. Out: a `SensorSet` for one or
+two of them at a time, with price and power. The records are the proposed ones and a repetition of the
+earlier ones: the power with a sensor is compared with that without.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ def sensor_sets(
     RigctlError
         the model lacks the quantity that a sensor is declared to measure.
     """
+    # All possible sensors are put on the bench at once, and simulated once with each rival; a set of them is
+    # then a choice of rows, whitened in its own noise.
     names = tuple(name for name in rig.could_have if name not in rig.channels)
     if not names:
         return ()
@@ -77,6 +80,8 @@ def _with_every_sensor(
 
     A pair that is not distinguished with all sensors is not distinguished with any subset.
     """
+    # A rival may absorb the new records without further sensors and not with them: the share that a refit
+    # leaves is computed with all sensors, as an upper bound for every set.
     linear = replace(criterion, reach={}).distances(
         Evidence.total(Evidence.of(one.responses) for one in scenes)
     )
@@ -180,6 +185,8 @@ def _evidence(scenes: Sequence[Scene | None], first: Rival, channels: Sequence[i
 def _equipped(rival: Rival, rig: Rig, names: Sequence[str]) -> Rival:
     """The rival on a bench that also has these sensors."""
     sensors = {name: rig.could_have[name] for name in names}
+    # The model gets more outputs, the data columns without readings: everything that was fitted stays as it
+    # is.
     known = rival.fit.problem
     model = _with_outputs(known.model, sensors)
     equipped = _with_channels(known.measurements, rig, sensors)

@@ -1,7 +1,8 @@
 """The rows to add to a table of single values: operating points at which the rivals differ most.
 
-A row is a single value at an operating point, so nothing but the point is varied. A row has no procedure and
-no bench time, because how it was taken was not recorded.
+In: a diagnosis of a table and the question that it leaves. Out: a `DesignResult` of rows. A row is a single
+value at an operating point, so nothing but the point is varied. A row has no procedure and no bench time,
+because how it was taken was not recorded.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
     known = known_so_far(question.rivals)
     criterion = Discrimination(question, known)
     measurements = question.rivals[0].fit.problem.measurements
+    # As for records, without what rows do not have: schemes, limits, bench time, draws.
     chosen = _chosen(criterion, _candidates(question, measurements), most)
     steps = [_evidence(chosen[:count]) for count in range(len(chosen) + 1)]
     chances = [0.0 if one is None else criterion.predicted_probability(one) for one in steps]

@@ -1,4 +1,9 @@
-"""Records not yet taken, as every rival predicts them."""
+"""Records not yet taken, as every rival predicts them.
+
+In: rivals and planned records. Out: a `Scene` for each record: every rival's outputs and derivatives, and
+the noise that the readings would have. Everything that a design computes (distances, limits, draws) is
+computed from these, so that a record is simulated once with each rival.
+"""
 
 from __future__ import annotations
 
@@ -135,6 +140,8 @@ class Scene:
 def predict(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[Scene | None]:
     """Every record with every rival; None if it cannot be simulated with one of them."""
     first = Outlines(rivals[0], records)
+    # 1. The most probable rival without derivatives: its prediction stands for the readings, on whose level
+    #    the noise depends. Records that it cannot simulate are dropped here.
     courses = first.simulate()
     good = [k for k, failure in enumerate(courses.failures) if failure is None]
     expected = [replace(records[k], values=first.measured(courses.outputs[k])) for k in good]
@@ -147,6 +154,8 @@ def predict(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[
         whiten(noise, one.times, ok, one.values, sigma=sigmas)
         for one, ok, sigmas in zip(expected, masks, sigma, strict=True)
     ]
+    # 2. Every rival with derivatives, on the same records in the same noise, so that differences of
+    #    predictions are comparable in whitened rows.
     by_rival = [Outlines(rival, expected).predicted() for rival in rivals]
     scenes: list[Scene | None] = [None] * len(records)
     for index, k in enumerate(good):
@@ -170,6 +179,8 @@ class Outlines:
     @property
     def problem(self) -> Problem:
         """The rival's model on these records, with its common unknowns as determined by the data so far."""
+        # The rival's equations and fitted parameters; record-level unknowns and initial states are those of
+        # the new records, at their expected values.
         known = self.rival.fit.problem
         model = known.model
         measurements = replace(known.measurements, records=tuple(self.records))
