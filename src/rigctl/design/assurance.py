@@ -231,8 +231,8 @@ def predicted_result(criterion: Discrimination, draws: Draws, chosen: Sequence[P
     count = len(rivals)
     distances = np.zeros((count, count)) if evidence is None else criterion.distances(evidence)
     before = {pair: criterion.of_pair(pair, nothing, np.zeros((count, count))) for pair in criterion.pairs}
-    # At the draws a rival is refitted linearly. Of that gain an actual refit leaves the share `stays`: the gain
-    # is that in noise wider by its inverse.
+    # At the draws a rival is refitted linearly. Of that gain an actual refit leaves the share `stays`: it is
+    # the gain in noise wider by its inverse.
     gains = {
         pair: draws.gain(pair, chosen).scaled(1.0 / max(criterion.stays(pair), _NOTHING))
         if chosen

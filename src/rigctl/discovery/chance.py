@@ -100,6 +100,8 @@ def draw_chance(projected: Projected, groups: Sequence[slice], seed: int = 0) ->
     rng = np.random.Generator(np.random.PCG64(seed))
     if not bases:
         return Chance(0, np.zeros(DRAWS), None)
+    # M = UᵀU over all hypotheses: z = M^(1/2)·n has the correlations of the search, since hypotheses at one
+    # slot, or over similar variables, are hardly different tests.
     every = np.hstack(bases)
     ends = np.cumsum([basis.shape[1] for basis in bases])
     known = projected.noise_degrees
@@ -118,6 +120,7 @@ def _sign_flipped_minima(
     if len(counts) < _FEW_RECORDS:
         return None
     residual, known = projected.residual, projected.noise_degrees
+    # The best term is taken out first: left in the residuals, it would pass for their chance variation.
     best = min(
         bases, key=lambda basis: log_tail(np.square(basis.T @ residual).sum(), basis.shape[1], known).item()
     )
@@ -144,6 +147,8 @@ def _least(
         if known and white:  # the noise is itself an estimate; residuals bring their own scale
             sums = sums / (rng.chisquare(known, (_BATCH, 1)) / known)
         least = np.zeros(_BATCH)
+        # p falls with χ² at given degrees of freedom: of the hypotheses with as many, only the largest χ² is
+        # needed.
         for dof in np.unique(dofs):
             largest = sums[:, dofs == dof].max(axis=1)
             least = np.minimum(least, log_tail(largest, int(dof), known))

@@ -85,6 +85,8 @@ def curve_of(opened: OpenSlots, slot: Slot, over: Driver, beside: Factor | None 
     readings = None if knots is None else _readings(opened, slot, over, knots, beside)
     if knots is None or readings is None:
         return None
+    # b | r ~ N(mean, cov) with the prior b = L·a, a ~ N(0, I): cov = L·(LᵀAL + I)⁻¹·Lᵀ, mean = cov·g, with A
+    # = S̃ᵀS̃ and g = S̃ᵀr̃. L contains τ and ℓ, which maximise the evidence over a grid.
     projected = opened.project(readings)
     columns, residual = projected.signatures, projected.residual
     longest = float(np.linalg.norm(columns, axis=0).max(initial=0.0))
@@ -145,6 +147,8 @@ def _known(mean: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
     They are eigenvectors of the covariance along which the curve does not differ significantly from 0, and
     which are wider than everything that is determined.
     """
+    # Some directions of the curve the fit absorbs whatever their size (a straight line over speed is viscous
+    # damping): there the band is as wide as the prior, and would hide what is known of the rest.
     variances, directions = np.linalg.eigh(covariance)
     spreads = np.sqrt(np.maximum(variances, 0.0))
     amplitudes = directions.T @ mean

@@ -1,5 +1,11 @@
 """Search beyond the library: where a term is missing, over which variable, as a curve, and by which
-formulas."""
+formulas.
+
+In: a diagnosis that found something missing and no effect certain to be it (`gate`). Out: a `Discovery`: the
+locations with their significance, curves of the term, and a set of formulas that these data do not
+distinguish. The order is one of falling certainty: a location needs no formula, a curve no choice of a form,
+and each step is made only where the one before found something.
+"""
 
 from __future__ import annotations
 
@@ -108,20 +114,27 @@ def discover_beside(
     result = Discovery(diagnosis.runs, diagnosis.model, gate, None, (), (), 0, diagnosis)
     if not gate.open:
         return result
+    # 1. Where: a term of any smooth form at every slot, over every variable.
     samples = RefittedSets(before, before.whole).samples
     opened = open_slots(before, progress=report)
     searched = locate(opened, samples, slot, report)
     result = replace(result, searched=searched)
+    # 2. Without a significant location no formula is tried: some formula always fits something.
     if not searched.sure:
         return result
     report("Scoring formulas")
+    # 3. Formulas at all locations that the data allow, scored by the linear problem, and the best refitted.
     scored = score_formulas(opened, searched.most_wanted, samples)
     fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, report, workers)
+    # 4. What pays at all, and of that all that is not significantly worse than the best: a set, not one
+    #    formula.
     none = RefittedSets(before, before.whole).null
     paying = [one for one in fitted if one.cost < none.chi2]
     chosen = within(paying)
     formulas = tuple(_found(one, chosen[0], opened, none) for one in chosen)
     slots = {one.formula.slot.name for one in chosen}
+    # A slot whose best formula was refitted and is not in the set: its location is excluded by a refit,
+    # although the linear problem may not have excluded it.
     refuted = frozenset(one.formula.slot.name for one in fitted) - slots
     report("Drawing the curves")
     curves = curves_of(opened, [one.formula for one in chosen], searched.located, _CURVES)

@@ -1,4 +1,8 @@
-"""A formula as a user's effect file: term, parameters, range of validity and origin."""
+"""A formula as a user's effect file: term, parameters, range of validity and origin.
+
+In: a formula with its fitted scales. Out: the text of its file, and the same effect in memory for a refit:
+what is fitted is read from the text that is written, so that the file says what was judged.
+"""
 
 from __future__ import annotations
 

@@ -85,11 +85,15 @@ def refit_formulas(
         results = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=done))
         return [results[index] for index in range(len(pieces))]
 
+    # 1. The best of the linear problem, and the best of other locations, each from its own scales.
     first = refitted([(one, one) for one in _chosen(formulas)], "Refitting with formulas")
     fitted = sorted((one for one in first if one is not None), key=lambda one: one.cost)
+    # 2. The factors of the best products alone: the second factor may only have made up for an error of the
+    #    linear problem.
     parts = _parts(fitted, fit)
     of_parts = refitted([(one, one) for one in parts], "Refitting with one factor") if parts else []
     fitted = sorted([*fitted, *(one for one in of_parts if one is not None)], key=lambda one: one.cost)
+    # 3. Those near the best from other scales, since a scale acts nonlinearly and a fit stays in its minimum.
     near = [
         one for one in fitted[:SEVERAL] if one.cost - fitted[0].cost < _APART + _BEHIND * formulas[0].gain
     ]
@@ -162,6 +166,8 @@ def _refitted(fit: FitResult, samples: float, tried: int, piece: tuple[Formula, 
     """A formula in the model, started at the scales of another of its kind; None if it cannot be fitted."""
     formula, start = piece
     family = fit.problem.model.family
+    # The formula as an effect, with one size (the column) and its scales as shape parameters, which `refit`
+    # frees once the effect has a size.
     effect = effect_of(formula, family)
     scales = scale_parameters(start, family)
     shapes = {qualified(effect.name, one.name): one.value for one in scales}

@@ -179,6 +179,8 @@ def score_formulas(opened: OpenSlots, located: Sequence[Located], samples: float
     located: over one variable or two.
     samples: N_eff.
     """
+    # 1. Every formula at every location: a weighted sum of spline columns that were simulated once. Of one
+    #    form the best scales are kept.
     best: dict[str, tuple[Formula, _Basis]] = {}
     tried = 0
     for one in located:
@@ -195,9 +197,11 @@ def score_formulas(opened: OpenSlots, located: Sequence[Located], samples: float
         formula = numbered(formula, opened.problem.model)
         return replace(formula, cost=formula.price(samples, tried) - formula.gain)
 
+    # 2. The price of the search is known only now: ln K with the number of formulas tried.
     scored = sorted(
         ((priced(formula), basis) for formula, basis in best.values()), key=lambda one: one[0].cost
     )
+    # 3. Scales of the best ones by a local search, still in the linear problem.
     first = [(priced(_refined(formula, basis)), basis) for formula, basis in _of_every_slot(scored)]
     first.sort(key=lambda one: one[0].cost)
     return Scored(tuple(_merged(opened, first)), tried)
@@ -238,6 +242,8 @@ def _basis(opened: OpenSlots, one: Located) -> _Basis | None:
         follow.append(following(grid, knots))
     splines = splines_at([(one.slot, known[0])]) if len(known) == 1 else products_at(one.slot, *known)
     projected = opened.project(opened.readings(splines))
+    # (S̃ᵀS̃, S̃ᵀr̃) of the fine splines: all that scoring needs of the data. ``gain = (c·g)²/(cᵀAc)`` with
+    # the spline coefficients c of a function, and its best size ``c·g/cᵀAc``.
     columns = np.where(projected.usable, projected.signatures, 0.0)
     return _Basis(
         one,
@@ -323,6 +329,8 @@ def _merged(opened: OpenSlots, scored: Sequence[tuple[Formula, _Basis]]) -> Iter
     others."""
     if not scored:
         return
+    # Columns of formulas at different slots are comparable only as readings: each is composed of its own
+    # splines, and all are projected together.
     readings: list[list[Floats]] = []
     order: list[int] = []
     for key in dict.fromkeys(id(basis) for _, basis in scored):
@@ -340,6 +348,8 @@ def _merged(opened: OpenSlots, scored: Sequence[tuple[Formula, _Basis]]) -> Iter
     unit = projected.signatures / lengths
     cosines = np.empty((len(order), len(order)))
     cosines[np.ix_(order, order)] = np.abs(unit.T @ unit)
+    # In order of cost, each group around its best member; the simplest member speaks for the group, since
+    # within it the data cannot tell.
     remaining = list(range(len(scored)))
     while remaining:
         leader = remaining.pop(0)

@@ -81,6 +81,8 @@ def gate_of(diagnosis: Diagnosis) -> Gate:
 def _cause(diagnosis: Diagnosis) -> GateCause:
     """What decides, apart from the differences between records of one condition."""
     before = diagnosis.before
+    # What is more certain than a formula comes first: no misfit, an unknown noise, a sensor, an
+    # effect of the library. A formula would fit any of these.
     if diagnosis.verdict in (Verdict.ADEQUATE, Verdict.UNDECIDED):
         return "below_noise" if before.adequacy.below_noise else "adequate"
     if diagnosis.doubt:

@@ -96,6 +96,8 @@ class Argument:
 
 def argument(driver: Driver, low: float, high: float, family: ModelFamily) -> Argument:
     """A variable with range `low` to `high`, measured from its own zero, or from the lower end."""
+    # A variable far from its zero, and any absolute temperature, is counted from a round value at the lower
+    # end of its range: a power of 293 K … 353 K would be a straight line.
     size = max(abs(low), abs(high))
     point = _is_point(driver, family)
     zero = 0.0
@@ -203,6 +205,8 @@ def _tanh(largest: float) -> Form:
 def forms(low: float, high: float) -> Iterator[Form]:
     """The forms of one argument with x from `low` to `high`."""
     largest, length = max(abs(low), abs(high)), high - low
+    # Powers of x = u/R need no scale; saturating, growing and local forms have one or two, each started at
+    # several values, since a search for the best one stays near its start.
     yield from odd_powers()
     if _changes_sign(low, high):  # else they equal the odd ones
         yield from even_powers()

@@ -167,6 +167,7 @@ def locate(
     samples: N_eff, the effective sample size.
     only: restricts the search to the slot with this name.
     """
+    # 1. One variable: every slot, every variable, some slots in one simulation.
     slots = [slot for slot in opened.slots if only is None or slot.name == only]
     tried: list[Located] = []
     seen_at = _Thinned(opened)
@@ -178,8 +179,12 @@ def locate(
     if not seen:
         return Map((), tuple(singles), tests=len(singles), independent=0.0, needed=math.inf)
     on_progress("Testing two variables together")
+    # 2. Two variables, where one shows something. Products of splines are many columns: all pairs at all
+    #    slots would cost too much.
     pairs = _pairs(opened, seen, samples)
     on_progress("Simulating the null distribution")
+    # 3. Family-wise p-values. Pairs were chosen by what singles showed, and are not simulated: they count in
+    #    full.
     chance = replace(seen_at.chance(seen), more=len(pairs))
     located = [
         replace(one, p_value=chance.family_wise(one.log_alone))
@@ -241,6 +246,8 @@ def _at_slots(opened: OpenSlots, slots: Sequence[Slot], seen_at: _Thinned) -> It
 
 
 def _located(projected: Projected, chosen: slice, slot: Slot, over: tuple[Driver, ...]) -> Located:
+    # χ² = |Uᵀr̃|² with U an orthonormal basis of S̃, its rank as degrees of freedom. Directions that the
+    # fitted unknowns absorb are not in U; if none is left, the data cannot show a term here (dof = 0).
     basis = span(projected, chosen)
     statistic, dof = float(np.square(basis.T @ projected.residual).sum()), basis.shape[1]
     excess = max(float(projected.residual @ projected.residual) - projected.dof, statistic, 1.0)

@@ -1,5 +1,10 @@
 """The model with a term of unknown size at each slot, and the signature of any spline of any variable
-there."""
+there.
+
+In: a comparison. Out: `OpenSlots`, from which every hypothesis of a search takes its columns: the
+derivatives of the readings by a term ``B_k(x)`` at a slot, integrated with the states, at the fit. Nothing
+is compiled for a hypothesis, and no reading is differentiated.
+"""
 
 from __future__ import annotations
 
@@ -138,6 +143,8 @@ def open_slots(before: ModelComparison, progress: Progress | None = None) -> Ope
     """
     fit = some_records(before.fit)
     inner = fit.problem
+    # A constant of size 0 at each slot: its derivative, weighted by splines along the trajectory, is the
+    # signature of any smooth term there. The equations are compiled once for all of them.
     moving, reading = sort_slots(inner)
     slots = tuple(slot for slot in inner.model.family.slots if slot in (*moving, *reading))
     compiled = compile_system(disturbed_system(inner, (), slots, 0), progress=progress)
@@ -148,6 +155,8 @@ def open_slots(before: ModelComparison, progress: Progress | None = None) -> Ope
 
 def _different(problem: Problem, simulated: Trajectories) -> Iterator[Driver]:
     """The variables that vary in these data; of linearly dependent ones only the first."""
+    # A variable that is a linear function of another (a command and its actuator) has the same splines: a
+    # second test of it would only cost significance.
     known: list[Floats] = []
     for driver in _drivers(problem):
         values = courses(problem, simulated, driver)

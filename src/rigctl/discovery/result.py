@@ -1,4 +1,8 @@
-"""The result of a search for a formula, for people and for programs."""
+"""The result of a search for a formula, for people and for programs.
+
+`Discovery` holds what each step found, whatever the next one did: the gate, the locations, the curves and
+the formulas. The words are made in `rigctl.answers`.
+"""
 
 from __future__ import annotations
 

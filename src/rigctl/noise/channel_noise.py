@@ -43,10 +43,13 @@ def learn_noise(data: ChannelData) -> Pooled | None:
     that over all levels (`window_share`), because a rod that rests in the middle of a step looks quieter than
     it is, and the sigma returned is ``√(σ₀² + Δ²/12)``.
     """
+    # 1. Short windows under a low-order trend: which of them show noise alone?
     groups, cells = cut_windows(data.records, data.ok, data.channel, data.spacing, order=data.order)
     pooled = pool(groups, contrasts(groups), len(cells))
     if pooled is None:
         return None
+    # 2. Coarse converter: whether a window looks quiet depends on where its level lies between two steps. Its
+    #    variance is referred to that over all levels, twice, as σ₀ and the selection depend on each other.
     before = noise_before(data.step, pooled.fit.sigma)
     coarse = 0.0 < before < _FINE * data.step or pooled.fit.sigma**2 < data.step**2 / 12.0
     for _ in range(2 if coarse else 0):
@@ -55,6 +58,8 @@ def learn_noise(data: ChannelData) -> Pooled | None:
             break
         pooled = refined
         before = float(np.sqrt(max(0.0, pooled.fit.sigma**2 - data.step**2 / 12.0)))
+    # 3. Longer windows, where neighbouring ones were quiet: noise that is slower than 40 samples looks like
+    #    trend.
     step = data.step if coarse else 0.0
     return _over_long_windows(data, cells, pooled, step, before)
 

@@ -67,7 +67,8 @@ def find_edges(
     scale = np.broadcast_to(sigma, values.shape)[1:-1]
     sharp = (np.abs(bend) > THRESHOLD * _SECOND * scale) & (even[1:] & even[:-1])[:, None]
     bend = np.where(sharp, bend, 0.0)
-    # `bend[i]` is the second difference at sample i + 1
+    # `bend[i]` is the second difference at sample i + 1. The window of each switch holds its uncertainty, and
+    # `REACH` samples on either side; an edge starts at the first significant second difference in it.
     first = np.searchsorted(times[1:-1], switches - half - REACH * usual)
     last = np.searchsorted(times[1:-1], switches + half + (REACH + 0.5) * usual)
     before = np.searchsorted(times, switches - half - 1e-6 * usual).tolist()

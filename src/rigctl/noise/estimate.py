@@ -1,4 +1,11 @@
-"""The noise of every channel from the records themselves, or else from the rig file."""
+"""The noise of every channel from the records themselves, or else from the rig file.
+
+In: records of one campaign, as readings with times, without any model. Out: a `NoiseModel`. Everything that
+is decided later is in units of this noise, so that it must not contain what a model lacks: only what no
+motion of the bench can be counts, windows that show noise alone, differences between replicates, and
+differences of rising order. How much of it counts is decided with a model
+(`rigctl.model.measured.standing`).
+"""
 
 from __future__ import annotations
 
@@ -64,6 +71,7 @@ def estimate_noise(
     """
     if not records or any(record.values.shape[1] != len(names) for record in records):
         raise ValueError(f"need records with {len(names)} channels each")
+    # Spikes first: a single one would widen σ of its window, and its differences.
     masks = list(spikes) if spikes is not None else spikes_of(records)
     ok = [np.isfinite(record.values) & ~mask for record, mask in zip(records, masks, strict=True)]
     spacing = usual_spacing(records)
@@ -116,11 +124,15 @@ def _channel_noise(
     known: float | None,
     masked: int,
 ) -> ChannelNoise:
+    # A channel of another device than most rows is estimated in its own rows; its correlation is converted
+    # back to the common spacing at the end.
     between_rows = spacing
     records, ok, spacing = rows_of(records, ok, channel, spacing)
     values = [record.values[good[:, channel], channel] for record, good in zip(records, ok, strict=True)]
     step = find_step(values)
     size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
+    # The white floor always, from differences; the whole noise where windows show it; else what is left: the
+    # floor, the rig file's number, a guess.
     floor = floor_of(records, ok, channel, spacing, coarse=bool(step))
     if floor is not None and floor.sigma <= max(_ROUNDING * size, step / float(np.sqrt(12.0))):
         floor = replace(floor, sigma=step / float(np.sqrt(12.0))) if step else None
@@ -143,6 +155,7 @@ def _channel_noise(
         )
     else:
         noise = _without_windows(floor, name, step, known, masked, size)
+    # A law of level and rate on top, and σ then that of a typical reading.
     noise = _with_law(noise, records, ok, channel, spacing)
     if floor is not None:
         noise = replace(noise, floor=floor.sigma, plateau=floor.measured)

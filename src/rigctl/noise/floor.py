@@ -86,6 +86,7 @@ def white_floor(pieces: Sequence[Floats], *, coarse: bool = False) -> Floor | No
     efficiency = _KEPT_EFFICIENCY if coarse else _EFFICIENCY
     scales: list[float] = []
     counts: list[int] = []
+    # s_k for k = 1 … 8: a falling sequence for a signal, a constant one for white noise.
     for order in _ORDERS:
         differences = _differences(pieces, order)
         if differences.size < _FEWEST:
@@ -95,6 +96,8 @@ def white_floor(pieces: Sequence[Floats], *, coarse: bool = False) -> Floor | No
     if not scales:
         return None
     order = plateau(scales)
+    # Without a plateau the last order counts, as an upper bound. Differences overlap, so that degrees of
+    # freedom are fewer than differences, and a median uses them less well than a mean square.
     at = (order or len(scales)) - 1
     degrees = int(efficiency * counts[at] * _share_of_degrees(at + 1))
     return Floor(scales[at], order, max(degrees, 1), tuple(scales))

@@ -1,4 +1,9 @@
-"""The noise of every channel: its standard deviation, its correlation, and the source of both."""
+"""The noise of every channel: its standard deviation, its correlation, and the source of both.
+
+`ChannelNoise` is a plain description, SI: what the estimates (`estimate`, `residual_noise`) write and what
+whitening, tests and designs read. It keeps where a number comes from and how well it is known, because a
+verdict can be no more certain than the noise that it rests on.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Windows that show noise alone: those that agree with the quietest, cell by cell."""
+"""Windows that show noise alone: those that agree with the quietest, cell by cell.
+
+In: windows of one channel, and differences between replicates of the same. Out: the noise fitted to those
+that agree (`Pooled`), or None. No window says of itself whether it holds a signal: what all quiet ones have
+in common is the noise, and what is larger than that is not.
+"""
 
 from __future__ import annotations
 
@@ -65,6 +70,9 @@ def pool(
     total = sum(group.total_degrees for group in groups)
     if total < FEWEST or not any(np.any(group.rows) for group in groups):
         return None
+    # Start from the quietest quarter, fit, keep what agrees with the fit, and repeat: windows that hold a
+    # signal do not agree with the quietest ones, whatever their own noise is. The rounds end when the same
+    # cells return.
     chosen = _taken(groups, differences, *_quietest(groups, differences, cells))
     states: set[bytes] = set()
     fit = start or fit_noise(chosen.windows, white=0.0)
@@ -217,6 +225,8 @@ def _agreeing(
     """The cells with most of their windows left and with Σz² and mean z as expected for noise."""
     from scipy.special import fdtri
 
+    # Two tests for each cell: Σz² as large as chance allows, and the mean of z over records no larger than
+    # that of noise, since a signal that the trend does not remove has the same shape in every record.
     squares, degrees, count, remaining = (np.zeros(cells) for _ in range(4))
     mean_squares, mean_degrees = np.zeros(cells), np.zeros(cells)
     for group, z, out in zip(groups, white, far, strict=True):

@@ -1,4 +1,10 @@
-"""Restricted maximum likelihood of coloured noise under trends: unbiased although every trend was fitted."""
+"""Restricted maximum likelihood of coloured noise under trends: unbiased although every trend was fitted.
+
+In: windows with the polynomials that represent the signal in them. Out: σ, correlation and white share
+(`NoiseFit`). Plain estimates from detrended windows have too small a variance and too small a correlation,
+because the trend has absorbed the slowest part of the noise; this likelihood is that of what the trend
+cannot contain.
+"""
 
 from __future__ import annotations
 
@@ -67,6 +73,7 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
         return determinant + degrees * float(np.log(quadratic / degrees))
 
     share = white or 0.0
+    # ρ first, with the white share as given; a white share, for which ρ is searched again, only if it pays.
     rho, least = _best_correlation(lambda at: cost(at, share), within=1e-3 if white is None else 0.01)
     if white is None and rho > 0.02:
         rho, share = _with_white(cost, rho, least)

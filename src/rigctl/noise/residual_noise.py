@@ -1,5 +1,10 @@
 """The standard deviation of the noise from differences of a model's residuals, and its dependence on the
-level."""
+level.
+
+In: the residuals of a fitted model, and the levels that it predicts. Out: a `Width`, or None. Where a signal
+moves within a few readings its own differences contain motion; the residuals contain only what the model
+misses, and differences remove of that what is smooth.
+"""
 
 from __future__ import annotations
 
@@ -107,6 +112,8 @@ def width_off_model(
     Comput. Biol. 8 (2001) 557 (noise at rest and a share of the level); Gasser, Sroka & Jennen-Steinmetz,
     Biometrika 73 (1986) 625 (differences).
     """
+    # Orders rise until two agree: a misfit that is smooth over their few samples is then gone, and only noise
+    # left.
     orders = [_differences(residuals, channel, order, correlation, white, known) for order in _ORDERS]
     pairs = pairwise(orders)
     both = next(((one, next_one) for one, next_one in pairs if _alike(one.squares, next_one.squares)), None)
@@ -116,6 +123,7 @@ def width_off_model(
     law, mean = _law(differences, step)
     if law is not None and not (_borne_out(law, mean, differences, check) and _better(mean, differences)):
         law = None
+    # Heavy tails: the variance of a mean square grows with the kurtosis, so that degrees of freedom shrink.
     relative = differences.squares / mean
     tails = max(_NORMAL, float(np.mean(relative**2)) / float(np.mean(relative)) ** 2)
     degrees = int(differences.degrees * differences.squares.size * (_NORMAL - 1.0) / (tails - 1.0))
@@ -190,6 +198,8 @@ def _law(differences: _Differences, step: float) -> tuple[VarianceLaw | None, Fl
     low, high = float(differences.levels.min()), float(differences.levels.max())
     if not high > low:
         return None, least
+    # Noise may grow from either end of the range, or from zero; for each origin a linear, a quadratic, or
+    # both.
     origins = (low, high, 0.0) if low < 0.0 < high else (low, high)
     for origin in origins:
         span = max(high - origin, origin - low)

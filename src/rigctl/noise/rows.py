@@ -80,6 +80,8 @@ def row_noise(points: Floats, values: Floats, series: NDArray[np.intp]) -> RowNo
     weights = _contrasts(points, logs, series)
     if len(weights) < FEWEST:
         return None
+    # Four points without their quadratic; five without their cubic, if that shows less than half: then a
+    # curve made up the difference.
     sigma = _scatter(weights @ present)
     longer = _contrasts(points, logs, series, POINTS + 1)
     if len(longer) >= FEWEST and _scatter(longer @ present) < _BENDS * sigma:

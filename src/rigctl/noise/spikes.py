@@ -1,4 +1,9 @@
-"""Spikes: readings of a few samples that leave the signal and return, found without a model."""
+"""Spikes: readings of a few samples that leave the signal and return, found without a model.
+
+In: records, or the residuals of a model. Out: a mask for each. A spike weighs as much in a sum of squares as
+thousands of readings, and a step, a ramp, ringing or a converter's steps must not be taken for one: each
+condition below excludes one of these.
+"""
 
 from __future__ import annotations
 
@@ -147,6 +152,8 @@ def _guarded_as_needed(
     guards = [_after_switches(record.phase, guard)[:, None] for record in records]
     if not records:
         return []
+    # Right after a switch a spike and a real peak look alike. Where spikes are common, and no more frequent
+    # there than elsewhere, they are the logger's.
     elsewhere = _rate([mask & ~guard for mask, guard in zip(departures, guards, strict=True)], guards, False)
     beside = _rate([mask & guard for mask, guard in zip(departures, guards, strict=True)], guards, True)
     common = (elsewhere > 1.0 / _COMMON) & (beside < _ALIKE * elsewhere)
@@ -186,9 +193,13 @@ def _after_switches(phase: NDArray[np.intp], guard: int = SWITCH_GUARD) -> NDArr
 def _spikes(x: NDArray[np.float64], local: Sequence[bool], off_model: bool) -> list[NDArray[np.bool_]]:
     from scipy.ndimage import median_filter
 
+    # Two deviations from the running median, along the slope and without it: a spike is far in both, a ramp
+    # or a crest in one only.
     along, away, level = _away(x)
     floor = max(1e-4 * float(np.ptp(level)), _CONVERTER_STEPS / THRESHOLD * _smallest_change(x))
     near = 1.4826 * np.asarray(median_filter(np.abs(away), size=2 * _NEAR + 1, mode="mirror"))
+    # The scale is the largest of several, as too small a one marks signal as spikes: clipped over the record,
+    # over its flattest quarter, and around the sample; never below a few steps of the converter.
     usual = np.maximum(
         max(_clipped_scale(away), _clipped_scale(away[_flattest(level)]), floor), _NEAR_WEIGHT * near
     )

@@ -1,4 +1,9 @@
-"""Noise that depends on a channel's level or rate of change."""
+"""Noise that depends on a channel's level or rate of change.
+
+In: records of one channel. Out: a `VarianceLaw`, or None if a single σ describes it. Noise estimated at rest
+need not hold in motion; but what is fast in motion may be the signal, so that a law has to be significant,
+frequent, and confirmed by differences of another order.
+"""
 
 from __future__ import annotations
 
@@ -131,11 +136,13 @@ def variance_law(
     Source: Davidian & Carroll, J. Am. Stat. Assoc. 82 (1987) 1079 (variance functions); Gasser, Sroka &
     Jennen-Steinmetz, Biometrika 73 (1986) 625 (differences).
     """
+    # Differences see only fast noise. Where hardly any is fast, they would show the signal.
     if (1.0 - white) * (1.0 - correlation) / (1.0 + correlation) + white < _SEEN:
         return None
     blocks = _blocks(records, ok, channel, spacing, correlation, white)
     if blocks is None:
         return None
+    # Regressors of the block variances: 1, (y − y₀)², (dy/dt)², each averaged over the block.
     origin = _origin(blocks.level)
     levels = (blocks.level - origin) ** 2 + blocks.within
     terms = np.column_stack([np.ones(levels.size), levels, blocks.slopes])
@@ -199,6 +206,7 @@ def _blocks_of(
     if times.size < BLOCK:
         return np.empty((0, 5))
     even = np.abs(np.diff(times) - spacing) < 0.1 * spacing
+    # Blocks lie within a period of constant commands, evenly sampled, and some samples after its switch.
     joined = ok[1:] & ok[:-1] & even & (np.diff(phase) == 0)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
     starts = [

@@ -1,4 +1,8 @@
-"""Whitening: residuals of a record with the noise's correlation removed, of unit variance in each row."""
+"""Whitening: residuals of a record with the noise's correlation removed, of unit variance in each row.
+
+In: the noise model, and the times and samples of one record. Out: a `Whitener`, W in ``r = W·(y − f)`` and
+``J = W·∂f/∂θ``. With it every fit is ordinary least squares, and every statistic is in sigmas.
+"""
 
 from __future__ import annotations
 
@@ -83,6 +87,8 @@ class Whitener:
         ----------
         columns: (n, channels, k), for one standard deviation each.
         """
+        # D = U·diag(s)·Vᵀ: (1 + DDᵀ)^(−½) = 1 − U·diag(1 − 1/√(1 + s²))·Uᵀ. Directions of hardly any scatter
+        # are dropped.
         left, values, _ = np.linalg.svd(replace(self, _scatter=None)(columns), full_matrices=False)
         significant = values > _SEEN
         if not significant.any():
@@ -148,6 +154,8 @@ def whiten(
         values = np.zeros(ok.shape)
     each = []
     for i, channel in enumerate(noise.channels):
+        # Channels are independent of each other: each is scaled by its σ and freed of its correlation by
+        # itself. A gap needs no special treatment, as the correlation follows from the times.
         samples = np.flatnonzero(ok[:, i])
         positions = times[samples] / noise.spacing
         size = channel.sigma_at(values[samples, i]) if sigma is None else sigma[samples, i]

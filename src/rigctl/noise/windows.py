@@ -1,4 +1,9 @@
-"""Windows: short pieces of the records for estimating noise, with their trend removed."""
+"""Windows: short pieces of the records for estimating noise, with their trend removed.
+
+In: one channel of all records. Out: `WindowGroup`s, each of windows with equal sampling, for which a
+likelihood costs one factorisation. A window lies within a period of constant commands and is counted from
+its end, so that the same window of another record shows the same part of the procedure.
+"""
 
 from __future__ import annotations
 
@@ -93,6 +98,8 @@ def cut_windows(
     windows: dict[tuple[float, ...], list[tuple[NDArray[np.float64], int, int]]] = defaultdict(list)
     cells: dict[Cell, int] = {}
     for record, good in zip(records, ok, strict=True):
+        # Counted from the end of a phase, where a bench has settled: windows with the same number are
+        # comparable between records, whatever the length of the phase.
         for phase, nth, first, last in _pieces(record.phase, joined or {}):
             use = first + np.flatnonzero(good[first:last, channel])
             if use.size < max(SHORTEST, _LEFT * (last - first)):
