@@ -109,6 +109,9 @@ def check_of(
     RigctlError
         as `argument_of`.
     """
+    # Pairs of neighbouring records, one with the scheduled set-point and one with the fixed one, in random
+    # order: what drifts during the check is then the same in both on average, and the test needs no more than
+    # this.
     argument = argument_of(measure, predictor)
     rng = np.random.default_rng(seed)
     records: list[CheckRecord] = []

@@ -1,4 +1,9 @@
-"""The quantity to be kept: a measure that the procedure of the runs computes in every record."""
+"""The quantity to be kept: a measure that the procedure of the runs computes in every record.
+
+In: runs, their rig, and a target such as ``stroke = 110 mm``. Out: a `TakenMeasure`, which computes the same
+number from samples that a model predicts. The definition is that of the procedure with which the runs were
+made, so that what is predicted is what was measured.
+"""
 
 from __future__ import annotations
 

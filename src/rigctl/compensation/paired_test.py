@@ -123,6 +123,7 @@ def upper_bound(with_it: Floats, without: Floats, level: float = LEVEL) -> float
     p(r) is the share of all orders in which the ratio of ``|e_with|/r`` to ``|e_without|`` is at most the
     observed one; it decreases as r increases. Infinite if there are too few pairs to reject any.
     """
+    # With n pairs the best of all 2ⁿ orders has probability 2⁻ⁿ: fewer than five can reject nothing at 5 %.
     a, b = np.abs(with_it), np.abs(without)
     if 0.5**a.size > level or not b.any():
         return math.inf
@@ -131,10 +132,14 @@ def upper_bound(with_it: Floats, without: Floats, level: float = LEVEL) -> float
     swaps = _orders(a.size)
 
     def rejected(r: float) -> bool:
+        # Under the hypothesis that the ratio is r, the two of a pair may be exchanged: every exchange
+        # replaces its a²/r² by b². p(r) is the share of exchanges whose sum is no larger than the observed
+        # one.
         squares, others = np.square(a / r), np.square(b)
         mine = squares.sum() + swaps @ (others - squares)
         return float(np.mean(mine <= squares.sum() * (1.0 + 1e-12))) <= level
 
+    # p falls with r from the observed ratio on: the bound by bisection of ln r.
     ratio = float(np.sqrt(np.square(a).sum() / np.square(b).sum()))
     low, high = math.log(ratio), math.log(ratio) + 1.0
     while not rejected(math.exp(high)):

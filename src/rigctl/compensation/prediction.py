@@ -1,4 +1,9 @@
-"""The kept quantity as predicted by a model at operating points that have not been measured."""
+"""The kept quantity as predicted by a model at operating points that have not been measured.
+
+In: a fit, the measure, and an operating point with a set-point. Out: the quantity with its two standard
+deviations: that of the fitted parameters, which all records share and a schedule can do nothing about, and
+that from record to record. A record of the runs is the template: commands and times stay as they were.
+"""
 
 from __future__ import annotations
 
@@ -94,6 +99,8 @@ class Predictor:
         ]
 
     def _point(self, record: MeasuredRecord, one: Predicted, covariance: Floats) -> Point:
+        # σ² = gᵀΣg with g the derivatives of the measure, not of the outputs: a maximum or a time is no
+        # linear function of the samples, so that these are moved and the measure is computed again.
         slopes = self._slopes(record, one.outputs, one.slopes, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
         scattering = self._slopes(
             record, one.outputs, one.own[:, :, : one.scattering], np.ones(one.scattering)

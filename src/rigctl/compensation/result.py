@@ -1,4 +1,8 @@
-"""A set-point schedule: what to set while the operating point drifts, how certain that is, and its range."""
+"""A set-point schedule: what to set while the operating point drifts, how certain that is, and its range.
+
+`Schedule` is what `rigctl.compensation.schedule` returns, for people and for programs, with the `Check` by
+which it can be tested on the bench. The words are made in `rigctl.answers`.
+"""
 
 from __future__ import annotations
 

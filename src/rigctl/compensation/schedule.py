@@ -67,6 +67,7 @@ def compensate(
         set; setting it changes nothing; the target is out of reach everywhere.
     """
     report = on_progress or no_progress
+    # 1. Everything that can be refused without a fit.
     target = Target.read(keep)
     require_measure(runs, target.name)  # this and what follows before a fit of minutes
     rig = rig_of(model, runs) or model.rig
@@ -75,11 +76,13 @@ def compensate(
     require_levers(rig, model.family, {"--vary": vary, "--over": over})
     measure = find_measure(runs, rig, target)
     _require_dimension(measure, target)
+    # 2. The model fitted to the runs, and whether it agrees: a schedule is no better than its model.
     compared = compare(runs, [model], on_progress=on_progress)
     (judged,) = compared.models
     fit = judged.fit
     _require_predicted(measure, target, fit)
     report("Computing the set-points")
+    # 3. q(x, u) by simulation, solved for u at each operating point within the measured range.
     predictor = _predictor(fit, rig, measure, vary, over)
     solution = _solved(predictor, target, _range(predictor.over, fit), max(rows, 2))
     valid = tuple((one.name, *_range(one, fit), one.unit) for one in (predictor.over, predictor.vary))
@@ -178,6 +181,8 @@ class _Solved:
 def _solved(predictor: Predictor, target: Target, span: tuple[float, float], count: int) -> _Solved:
     at = np.linspace(*span, count)
     low, high = predictor.vary.low, predictor.vary.high
+    # A coarse grid over all set-points first: it shows whether the set-point matters, whether the target is
+    # reached, and brackets each solution.
     grid = np.linspace(low, high, _LOOKED_AT)
     values = predictor.values([(x, u) for x in at for u in grid]).reshape(count, grid.size)
     middle = predictor.with_spread([(float(at[count // 2]), float(grid[grid.size // 2]))])[0]
@@ -217,6 +222,8 @@ def _roots(predictor: Predictor, at: Floats, grid: Floats, excess: Floats, targe
     for _ in range(_STEPS):
         if not sides:
             break
+        # Illinois: the value at the side that stays is halved, so that a strongly curved q does not stall at
+        # it.
         tried = [
             (row, (a * fb - b * fa) / (fb - fa) if fb != fa else 0.5 * (a + b)) for row, a, b, fa, fb in sides
         ]
@@ -235,6 +242,7 @@ def _rows(predictor: Predictor, at: Floats, set_points: Floats, fixed: float) ->
     operating_points = [(float(at[k]), float(set_points[k])) for k in reached]
     points = predictor.with_spread(operating_points)
     beside = [(x, u + side * width) for x, u in operating_points for side in (-1.0, 1.0)]
+    # ∂q/∂u by central differences, with which the uncertainty of q becomes one of u.
     slopes = np.diff(predictor.values(beside).reshape(-1, 2), axis=1)[:, 0] / (2.0 * width)
     unchanged = predictor.values([(float(x), fixed) for x in at])
     by_row = dict(zip(reached, zip(points, slopes.tolist(), strict=True), strict=True))

@@ -1,4 +1,10 @@
-"""The loop: measure, compare, add what is certain, design the next records, ask, and measure again."""
+"""The loop: measure, compare, add what is certain, design the next records, ask, and measure again.
+
+In: a task and its rounds so far on disk (`LearningFolder`), a bench, and whoever is asked. Out: `Learned`:
+the rounds, why the loop ended, and the model's last version. It adds only what a diagnosis is certain of,
+and stops adding where the bench contradicts a prediction: the loop must not explain away what it does not
+understand. Nothing is kept in memory that is not on disk.
+"""
 
 from __future__ import annotations
 
@@ -73,6 +79,9 @@ class Learner:
         if not self.kept.rounds:
             self.kept.begin(Round(1, task.procedure, answer="yes"))
         while True:
+            # Each turn continues from what is on disk, whether it was written a second ago or before a power
+            # cut: a proposal without an answer is made again, a round with a run is not measured again, a
+            # round with a verdict keeps it.
             current = self.kept.rounds[-1]
             if current.answer != "yes":  # a proposal made before learning was interrupted
                 self.kept.rounds.pop()
@@ -82,6 +91,7 @@ class Learner:
                 if ended is not None:
                     return self.kept.close(ended)
                 current = self.kept.rounds[-1]
+            # Measured: all runs so far are diagnosed together, and what is certain is added.
             judged, improved = self._judge(current)
             ended = self._next(judged, improved)
             if ended is not None:
@@ -112,6 +122,8 @@ class Learner:
         path = Path(task.model)
         with self.working() as on_progress:
             on_progress(f"Round {current.number}: comparing")
+            # From the model's current version, which has what earlier rounds added. If the bench contradicts
+            # the prediction of this round, nothing is added: it is not the bench that was asked.
             compared = compare(
                 self._open_runs(),
                 [load_model(path)],
@@ -173,6 +185,8 @@ class Learner:
     def _next(self, judged: Round, improved: Improvement) -> Learned | None:
         """Propose the next round and ask for it; return how learning ended if there is none."""
         last = improved.last
+        # Reasons to end, in this order: the question is answered or cannot be; rounds or time are used up; no
+        # record is worth its bench time.
         ended = self._settled(judged, last) or self._exhausted(judged)
         if ended is not None:
             return ended

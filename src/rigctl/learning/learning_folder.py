@@ -1,4 +1,9 @@
-"""State of a learning loop on disk, from which it resumes after any interruption: its task and each round."""
+"""State of a learning loop on disk, from which it resumes after any interruption: its task and each round.
+
+In: a task, and each change of a round as it happens. Out: one JSON file, replaced atomically, beside the
+procedures that were designed. A bench may be cut off at any time, and a measured record costs more than any
+computation: what was measured or answered is never done again.
+"""
 
 from __future__ import annotations
 

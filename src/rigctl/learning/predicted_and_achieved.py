@@ -43,6 +43,8 @@ def round_outcome(
     """
     if predicted.aim == "precision":
         return _sized(predicted, diagnosis)
+    # Only what was predicted before the round is compared: the rivals, their margins and D as they were
+    # stored.
     scores = _scores(diagnosis)
     rival_scores = {name: scores[name] for name in predicted.rivals if name in scores}
     winner = _winner(predicted, diagnosis, rival_scores)

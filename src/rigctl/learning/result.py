@@ -1,4 +1,9 @@
-"""The result of `rigctl learn`, round by round: what was measured, the outcome, and what was predicted."""
+"""The result of `rigctl learn`, round by round: what was measured, the outcome, and what was predicted.
+
+A `Round` is written before its records are measured, with the prediction (`PredictedRound`), and completed
+afterwards (`RoundOutcome`): a prediction that were computed later could not be held against its outcome. The
+words are made in `rigctl.answers`.
+"""
 
 from __future__ import annotations
 

@@ -47,6 +47,8 @@ def possible_changes(over: Floats) -> PossibleChanges:
 def sizes(scores: Floats, apart: PossibleChanges) -> tuple[tuple[int, ...], Floats]:
     """The ends that are scanned, and (courses, ends) the largest size at each of them."""
     count = scores.shape[1]
+    # Cumulative sums of q, q² and i·q: every step and every line of every end costs a few differences of
+    # them.
     sums, squares = np.cumsum(scores, axis=1), np.cumsum(np.square(scores), axis=1)
     moments = np.cumsum(scores * np.arange(1, count + 1, dtype=float), axis=1)
     ends, largest = [], []
@@ -57,6 +59,8 @@ def sizes(scores: Floats, apart: PossibleChanges) -> tuple[tuple[int, ...], Floa
         total = sums[:, n - 1]
         spread = np.maximum(squares[:, n - 1] - total * total / n, 1e-12)
         before = sums[:, cuts - 1]
+        # Explained by a step after run k: d²/(1/k + 1/(n − k)), with d the difference of the means; by a
+        # line: (Σ (i − ī)·q)²/(n(n² − 1)/12). The larger one over the squares about the mean is R².
         difference = (total[:, None] - before) / (n - cuts) - before / cuts
         explained = np.max(np.square(difference) / (1.0 / cuts + 1.0 / (n - cuts)), axis=1)
         line = np.square(moments[:, n - 1] - 0.5 * (n + 1) * total) / (n * (n * n - 1.0) / 12.0)

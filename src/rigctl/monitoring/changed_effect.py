@@ -94,9 +94,12 @@ def name_changes(
     changed = judged.changed
     if not changed:
         return Named(())
+    # 1. One run in which the change is large: over several, the change itself would be a misfit between runs.
     chosen = _plain(changed[0], entries, readings)
     report(f"Diagnosing {chosen.label}, where the change is clear")
     try:
+        # 2. Its diagnosis, with held parameters freed. An adequate model means that parameters alone have
+        #    changed.
         diagnosis = _diagnosed(plan, chosen)
     except RigctlError as problem:
         return _unnamed(judged, "", Naming("run_failed", (chosen.label,), str(problem).splitlines()[0]))
@@ -104,11 +107,15 @@ def name_changes(
         return _of_parameters(plan, judged, diagnosis)
     if not diagnosis.effects or diagnosis.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.UNDECIDED):
         return _unnamed(judged, diagnosis.verdict.value, Naming("outside_library"))
+    # 3. The named effects go into the model, and every run is read again: what the bench has always had gets
+    #    a constant size.
     return _of_effects(plan, entries, judged, diagnosis, read)
 
 
 def _plain(surest: Tested, entries: Sequence[Entry], readings: Sequence[Reading]) -> Entry:
     """A run, or enough of them for the readings needed, in the middle of those that have moved furthest."""
+    # The median run among the quarter that has moved furthest from the level before the change: the furthest
+    # of all may be an outlier.
     course = surest.course
     known = course.known
     begins = max(3, change_begins(surest))
@@ -186,6 +193,8 @@ def _of_effects(
 ) -> Named:
     """Every run read again with the named effects in the model, of which those that change are reported."""
     effects = [plan.model.effect(name) for name in diagnosis.effects]
+    # The p-value stays that of the first test: the second one looks only at what a diagnosis has chosen
+    # because it changes.
     again, quantities = _with_effects(plan, effects)
     outcomes = read(again, " and ".join(diagnosis.effects))
     indices = [k for k, one in enumerate(outcomes) if one is not None]

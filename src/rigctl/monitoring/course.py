@@ -68,6 +68,7 @@ def scatter_between(values: Floats, std: Floats) -> float | None:
     def share(square: float) -> float:
         return float(np.median(size / np.sqrt(square + variance + 1e-300)))
 
+    # The runs' own standard errors explain all differences of neighbours: no scatter of the bench is needed.
     if share(0.0) <= _HALF:
         return 0.0
     low, high = 0.0, float(np.max(size)) / _HALF
@@ -122,6 +123,8 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
     if best is None:
         raise ValueError("too few runs for a change of level")
     cost, kind, cut = best
+    # Correlated runs determine a level less well, by (1 + ρ)/(1 − ρ) in the variance; and the scatter about
+    # the fitted shape counts if it is larger than assumed.
     inflated = (1.0 + correlation) / (1.0 - correlation) * max(1.0, cost / max(1, values.size - 3))
     alike = [at for (name, at), other in costs.items() if name == kind and other - cost <= _ALIKE * inflated]
     coefficients, _, covariance = _fitted(kind, cut, clipped_values, weights, over)

@@ -1,4 +1,9 @@
-"""The entries of a survey: runs, records or groups of them, ordered by date or by a column."""
+"""The entries of a survey: runs, records or groups of them, ordered by date or by a column.
+
+In: runs, what forms an entry (``by``), and what orders them (``over``). Out: `Entries` with their places on
+one axis. The order matters more than the distances: the test of a change is one of ranks, and two entries at
+one place are never told apart.
+"""
 
 from __future__ import annotations
 

@@ -187,6 +187,8 @@ def freeing(model: Model, names: Sequence[str]) -> Model:
 
 def _reading_of(plan: Plan, problem: Problem, data: Data) -> Reading:
     with switched_off():  # only the reading is needed again
+        # Every entry starts at the reference and not at its neighbour, so that entries may be evaluated in
+        # any order and on any computer with the same result.
         local = [np.array([one.start for one in unknowns]) for unknowns in problem.local_unknowns()]
         fitted = fit_problem(problem, data.noise, local=local, cost=_COST)
         linear = _linearised(plan, fitted)
@@ -194,6 +196,7 @@ def _reading_of(plan: Plan, problem: Problem, data: Data) -> Reading:
         movable = [k for k, name in enumerate(linear.nuisances) if name not in plan.held]
         tested = project(_with_nuisances(linear, movable))
         judged = adequacy(tested, screen(tested))
+    # The fit is only coarse: the linear problem at its end makes up for the last step (`solved`).
     gram, score, lengths = _normal_equations(plan, linear)
     measured = fitted.problem.measurements
     parameters = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
@@ -248,6 +251,8 @@ def _normal_equations(plan: Plan, linear: Linearisation) -> tuple[Floats, Floats
     columns = np.vstack([*rows, below])
     residual = np.concatenate([*(one.residual for one in linear.records), prior])
     known = {name: k for k, name in enumerate(names)}
+    # Shared unknowns that are no quantities of the survey are projected off here, once and for all; of the
+    # others G and b are kept, so that any of them may be freed or held later.
     others = [k for k, name in enumerate(linear.nuisances) if name not in plan.columns]
     shared = len(linear.nuisances)
     lengths = np.append(np.linalg.norm(columns[:, :shared], axis=0), linear.full_lengths)
@@ -278,6 +283,8 @@ def solved(reading: Reading, wanted: int, freed: Sequence[int]) -> tuple[float, 
     if curvature <= 0.0:
         return math.nan, math.nan
     if others:
+        # Schur complement: with the others o eliminated, a = (b_w − G_wo·G_oo⁻¹·b_o)/(G_ww −
+        # G_wo·G_oo⁻¹·G_ow). Columns are scaled to unit length first, as units differ by many powers of ten.
         block = reading.gram[np.ix_(others, others)]
         scale = 1.0 / np.sqrt(np.diag(block))
         inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-10, hermitian=True)

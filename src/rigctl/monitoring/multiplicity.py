@@ -157,6 +157,8 @@ def course_of(
     plan: Plan, readings: Sequence[Reading], over: Floats, quantity: Quantity, others: Sequence[Quantity] = ()
 ) -> QuantitySeries:
     """The series of a quantity over the readings, with `others` freed beside it in each run."""
+    # What is freed in every run stays free beside each quantity: otherwise a parameter that has drifted would
+    # move every effect that resembles it.
     freed = {*range(len(plan.freed)), quantity.column, *quantity.beside}
     for other in others:
         freed |= {other.column, *other.beside}
@@ -178,9 +180,12 @@ def course_of(
 
 def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Sequence[Quantity]) -> Judged:
     """Test every quantity, and determine what has changed."""
+    # 1. A series for each quantity, from the stored normal equations.
     courses = [course_of(plan, readings, over, one) for one in quantities]
     scans = {one.quantity.name: _scanned(one) for one in courses}
     testable = [name for name, one in scans.items() if one is not None]
+    # 2. Each tested by its own null distribution, which depends on the number of runs and their correlation;
+    #    then one level for all of them.
     adjusted = _holm({name: one.p_value for name, one in scans.items() if one is not None})
     tested = [
         Tested(
@@ -201,6 +206,8 @@ def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Ch
     """A quantity's change, from its series."""
     course = tested.course
     alike_by = _likeness(tested)
+    # One change is described: a step or a ramp; or several steps, if these fit better by more than a height
+    # and a location for each costs.
     shape, steps = _shape(course, alike_by), _steps(course)
     known = course.known
     values, std = course.values[known], course.std[known]

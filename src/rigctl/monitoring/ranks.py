@@ -60,6 +60,9 @@ def neighbours(values: Floats, scores: Floats) -> Floats:
     """
     if scores.shape[1] < 2 * FEWEST_BESIDE:
         return np.zeros(scores.shape[0])
+    # Four estimates, each spoilt by some kind of change and not by the others. A change makes an estimate
+    # larger, so that the smallest is taken. That it is then biased does no harm: simulated series have the
+    # same bias.
     near, far = (_usual(scores[:, lag:] - scores[:, :-lag]) for lag in (1, 2))
     usual = np.median(np.abs(np.diff(values, axis=1)), axis=1, keepdims=True)
     scaled = values / np.where(usual > 0.0, usual, 1.0)

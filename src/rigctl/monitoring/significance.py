@@ -86,6 +86,8 @@ def chance(count: int, apart: PossibleChanges, draws: int = FINE) -> Chance:
     """The null distribution for `count` runs; `draws` sequences for each correlation except zero."""
     found_sizes, found_alike, prior = [], [], []
     for correlation in _CORRELATIONS:
+        # Seeded by the number of runs and ρ alone: the same survey has the same p-value wherever it is
+        # computed.
         generator = np.random.Generator(np.random.PCG64([20, count, round(1000 * correlation)]))
         wanted = draws * (1 if correlation else _OF_ZERO)
         each = 0.5 / wanted if correlation == 0.0 else 0.5 / (len(_CORRELATIONS) - 1) / wanted
@@ -144,6 +146,8 @@ def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
     over: (runs) location of each run on the axis; no change is possible between runs at the same location.
     draws: as in `chance`.
     """
+    # The measured series undergoes exactly what the simulated ones do: ranks, scan of all ends, estimate of
+    # r.
     scores = normal_scores(values)[None, :]
     apart = possible_changes(over)
     correlation = float(neighbours(values[None, :], scores)[0])

@@ -1,4 +1,10 @@
-"""Survey many runs with one model: evaluate each, test every quantity for a change, refit what changed."""
+"""Survey many runs with one model: evaluate each, test every quantity for a change, refit what changed.
+
+In: runs and a model. Out: a `Survey`: a line for each entry, the quantities that change, and which effect
+has changed. Entries are evaluated independently of each other, in any number of processes, and only their
+normal equations are kept (`evaluation`); whether anything changes is tested by ranks (`multiplicity`), and
+what it is is found by a diagnosis (`changed_effect`).
+"""
 
 from __future__ import annotations
 
@@ -69,6 +75,7 @@ def survey(
     report = on_progress or no_progress
     if only is not None:
         require_names(only, model, runs)
+    # 1. What is a point of the survey, and what is free in each of them.
     shared = _shared(model, share)
     freed = tuple(name for name in model.fitted if name not in shared)
     runs, copies = without_copies(runs)
@@ -76,6 +83,8 @@ def survey(
     if only is not None:
         report(f"Looking for what --only names: {only}")
         _require_condition(Plan(model, freed, (), (), None, tuple(assume)), ordered.entries, only)
+    # 2. Starting values from the first entry that can be fitted, and one shape of each effect for all
+    #    entries.
     started, picked = _starting_model(model, freed, ordered.entries, only, tuple(assume), effects, report)
     plan = Plan(started, freed, shared, picked, only, tuple(assume))
     quantities = _quantities(plan)
@@ -84,6 +93,8 @@ def survey(
             "there is nothing to survey: the model has no free parameter, and no effect is selected",
             hint="Mark parameters with 'fit: true', or name effects with '--effects'",
         )
+    # 3. Every entry by itself, in any process. One that cannot be read is a line of the result, not the end
+    #    of it.
     outcomes = _read(plan, ordered.entries, workers, report, "Reading")
     indices = [k for k, one in enumerate(outcomes) if isinstance(one, Reading)]
     if not indices:
@@ -92,6 +103,7 @@ def survey(
     readings = [one for one in outcomes if isinstance(one, Reading)]
     where = np.array([ordered.entries[k].place for k in indices])
     report("Looking for changes")
+    # 4. Which quantities change, at one level for all; 5. what has changed, which is another question.
     judged = judge(plan, readings, where, quantities)
     entries = [ordered.entries[k] for k in indices]
 

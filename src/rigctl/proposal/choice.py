@@ -54,6 +54,8 @@ class Suggestion:
 
 def suggest(table: Table) -> Suggestion:
     """The template for a log; without time a straight line, without data a first-order lag."""
+    # What each linear system leaves of the outputs' variance, the simplest system first. Without time, or
+    # with a log too short for a lag, there is nothing to choose by.
     inputs, outputs = chosen(table, "input"), chosen(table, "output")
     if table.times is None:
         return Suggestion("linear", {})
@@ -66,6 +68,8 @@ def suggest(table: Table) -> Suggestion:
         left["linear"] = _mean(statics)
     if len(outputs) == 1:
         left["second-order"] = _mean([second_order_response(table, outputs[0], inputs)])
+        # A sensor without a sign (a speed from pulses) makes any linear system fail: tried before they are
+        # compared.
         unsigned = tells_no_directions(table, outputs[0], inputs)
         if unsigned is not None:
             return Suggestion("second-order", left | {"second-order": unsigned.unexplained})
@@ -85,6 +89,8 @@ def _simplest(left: Mapping[str, float], samples: float, *, steady: bool) -> str
     samples: the slowest lag, in sampling intervals.
     steady: no input is switched, so that what follows the inputs slowly enough needs no lag.
     """
+    # Occam's razor: another pole has to leave much less, since a system with more poles never leaves more. A
+    # driven mass counts against an oscillator, which contains it as the limit of no spring.
     first = left["first-order"]
     line, second, mass = (left.get(name, np.inf) for name in ("linear", "second-order", "driven-mass"))
     if mass < _MUCH_LESS * first and mass < _AS_GOOD * second:

@@ -1,4 +1,9 @@
-"""The columns of a file of measurements, with a name, a unit and SI values each."""
+"""The columns of a file of measurements, with a name, a unit and SI values each.
+
+In: a file of any kind that is imported, and what the user says of its units. Out: a `Table`, in SI, with the
+options that an import of this file needs. It is read by the importer's own functions, so that what is
+drafted from a log is what an import of it will contain.
+"""
 
 from __future__ import annotations
 
@@ -141,6 +146,9 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     from rigctl.dataset.importing.read_table import stamped_column, table_of
 
     plain_options = options or Options()
+    # The file is opened twice: first for its headings, by which the columns of time and records are found,
+    # then with these named, as an import reads them. So a draft's own log can be imported with the options
+    # that it prints.
     source = open_source(path, plain_options)
     headings = {heading.name: _heading(heading, units) for heading in source.headings}
     _check_units(units, headings.values())
@@ -157,6 +165,7 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
     read = {heading.name: heading for heading in source.headings}
     table = table_of(source, path, as_named, most=_MOST_ROWS)
     _refuse_repeated(source, [column.name for column in table.columns])
+    # The record of each row: as a column says, and a new one wherever time steps back.
     codes = _codes(table.records, len(table.columns[0].values))
     times = None
     renamed = list[str]()
@@ -173,6 +182,7 @@ def read_columns(path: Path, units: Mapping[str, str], options: Options | None =
         renamed += _time_pair(_key(time, heading.headed) if said else time, unit if said else None)
     renamed += [f"{record}=record"] if record is not None and record.casefold() != "record" else []
     renamed += [f"{name}=-" for name in table.texts]
+    # What is left is measured or commanded; which, the roles decide (`rigctl.proposal.roles`).
     columns = list[Column]()
     for one in table.columns:
         if one.name == time or (time is not None and is_other_time(one.name, one.unit, as_named)):

@@ -38,6 +38,8 @@ def rates(
     count = len(by) + 1
     for rows in _pieces(table, of):
         times = table.times[rows] if table.times is not None else np.arange(float(rows.size))
+        # ∫x_k dt, and t itself for the constant; for a second derivative twice. Each record has its own first
+        # value, which is noisy, and for order 2 its own initial slope.
         columns = [integral(_bridged(values[rows], times), times, held=held) for values, held in by]
         columns.append(times - times[0])
         for _ in range(order - 1):

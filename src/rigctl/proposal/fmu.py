@@ -1,4 +1,9 @@
-"""From what an FMU says of itself, and the columns of a log, to the text of the files; it is not executed."""
+"""From what an FMU says of itself, and the columns of a log, to the text of the files; it is not executed.
+
+In: the FMU's description and a `Table`, or none. Out: a `Proposal`. Columns are paired with the FMU's inputs
+and outputs by name, and units, bounds and starting values come from the description; what that does not say
+is drafted so that it is seen, and listed in the notes, since an FMU cannot be read to find it out.
+"""
 
 from __future__ import annotations
 

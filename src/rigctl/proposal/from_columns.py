@@ -1,4 +1,9 @@
-"""What a draft takes from a table's columns: inputs, initial values, ranges, outputs with their sensors."""
+"""What a draft takes from a table's columns: inputs, initial values, ranges, outputs with their sensors.
+
+In: columns with their roles. Out: the parts of a `Draft` that are alike in every template: an input with a
+slot where an actuator's deviations may act, a reading with one for its sensor's, starts, scales and bounds
+from the range of the data. A slot that no draft had could never be found to lack a term.
+"""
 
 from __future__ import annotations
 

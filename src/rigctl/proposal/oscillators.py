@@ -1,4 +1,9 @@
-"""Templates with a position or another output that may overshoot: a second-order lag, masses."""
+"""Templates with a position or another output that may overshoot: a second-order lag, masses.
+
+In: a table with its roles. Out: a `Draft` that begins at the best linear system of the same form
+(`rigctl.proposal.responses`). A log of position and force determines only ratios to the mass; the gain of a
+voltage behind the force, or of a sensor, is then a fixed number to be measured.
+"""
 
 from __future__ import annotations
 

@@ -86,6 +86,8 @@ def second_order_response(table: Table, y: Column, inputs: Sequence[Column]) -> 
 
 def _on_grid(records: Sequence[_Record], fitted: Callable[[float, float], Response]) -> Response:
     """The best frequency and damping."""
+    # A grid over what the records can show, then three finer ones about its best point: a resonance of light
+    # damping is narrower than the spacing of the first.
     slow, fast = _ends(records)
     best = _best(
         fitted(float(omega), zeta)
@@ -212,6 +214,8 @@ def _best(responses: Iterable[Response]) -> Response:
 
 
 def _lag(record: _Record, rate: float) -> tuple[list[Floats], list[Floats]]:
+    # Exact for an input that is held: y(n + 1) = p·y(n) + (1 − p)·u(n), p = exp(−h/T). The free motion pⁿ has
+    # a size of its own in each record, which starts in an unknown state.
     pole = math.exp(-rate * record.step)
     driven = [_recursion([0.0, 1.0 - pole], [1.0, -pole], u) for u in record.inputs]
     return [*driven, np.ones(record.y.size)], [np.power(pole, np.arange(record.y.size))]
@@ -237,6 +241,8 @@ def _second(
 ) -> tuple[list[Floats], list[Floats]]:
     """Responses of two states, of which the first is read, and its two free motions; without a `rest` a
     constant push takes its place."""
+    # x(n + 1) = A·x(n) + B·u(n), read by its first state: as one recursion of the output, by the
+    # characteristic polynomial of A (Cayley-Hamilton).
     trace, determinant = float(np.trace(motion)), float(np.linalg.det(motion))
     below = [1.0, -trace, determinant]
     above = [0.0, float(push[0]), float(motion[0, 1] * push[1] - motion[1, 1] * push[0])]
@@ -270,6 +276,8 @@ def _recursion(above: Sequence[float], below: Sequence[float], values: Floats) -
 
 def _fitted(records: Sequence[_Record], rates: tuple[float, ...], columns: _Columns) -> Response:
     """Least squares for the gains and the rest; the free motions of each record are taken out first."""
+    # Normal equations over all records: [driven columns, y]ᵀ[driven columns, y] with each record's free
+    # motions projected off, so that long logs need no tall matrix.
     products: Floats | float = 0.0
     for record in records:
         driven, free = columns(record)

@@ -1,6 +1,8 @@
 """Which columns are inputs and which outputs, and whether an input is commanded or measured.
 
-The user's options come first; then steps, names, a broad spectrum, and which column leads the others.
+In: a `Table` and what the user says of its columns. Out: the table with a role and an origin for each, and
+the reason for it. The user's options come first; then steps, names, a broad spectrum, and which column leads
+the others.
 """
 
 from __future__ import annotations
@@ -102,6 +104,10 @@ def with_roles(table: Table, stated: StatedRoles) -> Table:
         a name is unknown; no column is an input although columns are related; an output repeats an input; or
         nothing is left to explain.
     """
+    # The surest evidence first: the user, then the form of a command (steps), then names. Only if none of
+    # these finds an input is one inferred from the course of the columns, a broad spectrum or a lead. If that
+    # is not clear, there is no input: a wrong one would spoil every later verdict, and a missing one is
+    # noticed at once.
     roles, origins = stated.by_column(table)
     if table.times is None:
         _refuse_unstated_times(table, roles)
@@ -110,6 +116,8 @@ def with_roles(table: Table, stated: StatedRoles) -> Table:
         columns = _by_spectrum(columns, table, roles) or _by_lead(columns, table, roles)
     if not any(column.role == "output" for column in columns) and len(columns) > 1 and not stated.outputs:
         columns = _with_last_output(columns, roles)
+    # Then what must hold for any model to be fitted: something drives, something changes, and nothing
+    # explains itself.
     columns = [_with_origin(column, table, origins.get(column.name)) for column in columns]
     _require_input(columns, table, roles)
     _require_change(columns)
@@ -160,6 +168,7 @@ def _role_of(column: Column, table: Table, *, stepped: bool) -> tuple[Role, str]
     still = present.size > 0 and np.ptp(present) == 0.0
     outside = _is_surrounding(column.name) or _is_named_command(column.name) or _has(column.name, _OUTSIDE)
     first = table.times is None and column is table.columns[0]
+    # The first rule that holds decides, and its reason is told to the user.
     rules: list[tuple[bool, Role, str]] = [
         (not present.size, "left out", "no value in it"),
         (stepped and not still, "input", "constant but for steps, as a command is"),
@@ -230,6 +239,8 @@ def _with_origin(column: Column, table: Table, stated: Origin | None) -> Column:
 
 def _origin_of(column: Column, table: Table) -> tuple[Origin, str]:
     values = column.values
+    # Commanded or measured: a command has no noise and is known exactly; taken for one, a measured input
+    # would put its noise into the model's error. Where nothing tells, it is `unclear`, and the files say so.
     rules: list[tuple[bool, Origin, str]] = [
         (not values.size, "commanded", ""),
         (_is_surrounding(column.name), "measured", ""),
@@ -275,6 +286,8 @@ def _by_lead(columns: list[Column], table: Table, roles: Mapping[str, Role]) -> 
         index: [k for k, one in enumerate(columns) if one.role == "output" and k != index] for index in free
     }
     rows = max(table.pieces, key=len)
+    # Differences of the columns, of unit length: u leads y if corr(Δu(t), Δy(t + lag)) is much larger than
+    # the other way round.
     changes = {
         index: _normed(np.diff(column.values[rows]))
         for index, column in enumerate(columns)
@@ -339,6 +352,8 @@ def _related(one: Column, other: Column, table: Table) -> bool:
     if first.size < 4 * _REACH:
         return False
     shifts = range(-_REACH, _REACH + 1)
+    # Δy regressed on Δu at lags −20 … 20: related if that explains more than its number of coefficients would
+    # by chance.
     matrix = np.column_stack([np.roll(first, shift) for shift in shifts])[_REACH:-_REACH]
     target = second[_REACH:-_REACH]
     known = np.isfinite(target) & np.isfinite(matrix).all(axis=1)  # a missing value is no standstill

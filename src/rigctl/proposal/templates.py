@@ -1,6 +1,8 @@
 """Initial equations: each template is a draft of a family for the columns that it finds.
 
-Every template takes the columns with their roles; with data, the initial values come from them.
+In: a table with its roles. Out: a `Draft`: states, parameters with starting values and bounds, and slots.
+With data, the values come from them, by least squares that need no start (`responses`, `estimate`): a draft
+is text to be edited, and its first fit should not fail for its numbers.
 """
 
 from __future__ import annotations
@@ -59,6 +61,8 @@ def first_order(table: Table) -> Draft:
     states, parameters = dict[str, State](), dict[str, Parameter]()
     for y in outputs:
         tag = "" if len(outputs) == 1 else f"_of_{y.name}"
+        # From the data where there are any; else values in proportion to the columns' ranges, for the user to
+        # edit.
         found = first_order_response(table, y, inputs)
         constant = 1.0 / found.rates[0] if found else 0.1 * duration(table)
         gains = found.gains if found else [0.5 * span(y) / span(u) for u in inputs]
@@ -149,6 +153,8 @@ def _motor_values(
     """R, K, J and b from the data, or usual ones where the data say nothing of them."""
     resistance, constant, inertia, friction = 1.0, 0.05, 1e-4, 1e-5
     if current is not None and current.values.size:
+        # With the current: V = R·i + K·w at once, then J and b from the integrated balance. Without it only K
+        # and R·J show, and R keeps an assumed value, as does b.
         coefficients = straight(table, voltage, [current.values, speed.values])
         if coefficients[0] > 0.0 and coefficients[1] > 0.0:
             resistance, constant = float(coefficients[0]), float(coefficients[1])
@@ -304,6 +310,8 @@ def _heater_values(
         return 500.0, 2.0, 293.15
     # the power as the draft has it: 1 W for one of the input's unit
     watts = (power.values / power.display.factor, power.stepped)
+    # C·dT/dt = P − UA·(T − T_room), integrated: linear in 1/C, UA/C and, without a measured room, its
+    # temperature.
     away = body.values - room.values if room is not None else body.values
     coefficients, _ = rates(table, body, [watts, (away, False)])
     if not coefficients[0] > 0.0 > coefficients[1]:

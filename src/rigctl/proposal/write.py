@@ -1,4 +1,9 @@
-"""The text of the files: a family, a rig, a procedure and a model, commented, to be edited."""
+"""The text of the files: a family, a rig, a procedure and a model, commented, to be edited.
+
+In: a table and a `Draft`. Out: YAML as a person would write it, a comment beside whatever was guessed.
+Nothing about safety is: limits are a comment, and no backend is named, so that no command moves a bench by
+default.
+"""
 
 from __future__ import annotations
 
