@@ -9,8 +9,8 @@ import pytest
 
 import commands
 from commands import MODEL
+from rigctl.answers.model_change import fitted_values
 from rigctl.cli.commands.init import create_project
-from rigctl.cli.commands.model_changes import _in_words
 from rigctl.errors import RigctlError
 from rigctl.model import Change, ModelError, load_model, save_version
 from rigctl.model.value_table import StatedValue
@@ -234,4 +234,4 @@ def test_a_number_without_a_unit_is_not_followed_by_a_one() -> None:
     known = {"std": 0.2, "fit": True, "fixed": False, "origin": "effect", "source": "", "meaning": ""}
     ratio = StatedValue(name="worn.size", si=31.76, unit="1", **known)
     mass = StatedValue(name="worn.mass", si=2.0, unit="kg", **known)
-    assert _in_words([ratio, mass], {}) == "worn.size 31.76 ± 0.20, worn.mass 2.00 ± 0.20 kg"
+    assert fitted_values([ratio, mass], {}) == "worn.size 31.76 ± 0.20, worn.mass 2.00 ± 0.20 kg"

@@ -14,6 +14,14 @@ from rigctl.physics.standing import Standing
 from rigctl.units import interval_unit, parse_unit
 
 Origin: TypeAlias = Literal["model", "rig", "oil", "family", "effect"]
+#: what gives a value whose source the model file does not state
+_STATED_IN: dict[Origin, str] = {
+    "model": "model file",
+    "rig": "rig file",
+    "oil": "oil",
+    "family": "typical",
+    "effect": "typical",
+}
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,20 @@ class StatedValue:
             return None
         mean = parse_unit(self.unit).from_si(self.prior.mean, difference=self.difference)
         return rounded(mean), rounded(parse_unit(self.std_unit).from_si(self.prior.std, difference=True))
+
+    @property
+    def range_values(self) -> tuple[float, float] | None:
+        """The range of an assumed value, in `unit`."""
+        if self.range is None:
+            return None
+        unit = parse_unit(self.unit)
+        low, high = (rounded(unit.from_si(end)) for end in self.range)
+        return low, high
+
+    @property
+    def stated_in(self) -> str:
+        """Where the value is from: the source that the model file states, or what gives the value."""
+        return self.source or _STATED_IN[self.origin]
 
 
 def rounded(value: float) -> float:

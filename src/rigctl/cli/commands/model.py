@@ -41,16 +41,21 @@ def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False
 
     Example: rigctl model show models/hl32-textbook.yaml
     """
-    from rigctl.cli.views.model import model_document, show_model
+    from rigctl.answers.model import model_blocks
+    from rigctl.cli.blocks import show as show_blocks
     from rigctl.files.version_suffix import split_version
     from rigctl.model import current_version, find_version, load_model
+    from rigctl.model.document import model_document
     from rigctl.project import find_file
 
     path = find_file(model)
     definition = load_model(path)
     head, number = split_version(path)
     version = current_version(head) if number is None else find_version(head, number)
-    print_json(model_document(definition, version)) if as_json else show_model(definition, version)
+    if as_json:
+        print_json(model_document(definition, version))
+    else:
+        show_blocks(model_blocks(definition, version))
 
 
 @app.command()
@@ -67,12 +72,14 @@ def diff(
 
     Example: rigctl model diff models/hl32-textbook.yaml@1 models/hl32-textbook.yaml
     """
-    from rigctl.cli.views.model import difference_document, show_difference
+    from rigctl.answers.model import difference_blocks
+    from rigctl.cli.blocks import show as show_blocks
     from rigctl.model import difference, load_model
+    from rigctl.model.document import difference_document
     from rigctl.project import find_file
 
     changes = difference(load_model(find_file(first)), load_model(find_file(second)))
-    print_json(difference_document(changes)) if as_json else show_difference(changes)
+    print_json(difference_document(changes)) if as_json else show_blocks(difference_blocks(changes))
 
 
 @app.command()
