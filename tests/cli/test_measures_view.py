@@ -6,9 +6,10 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pyarrow as pa
-from rich.console import Console
+import pytest
 
-from rigctl.cli.views.measures import measures_table
+from rigctl.answers.measures import measure_blocks
+from rigctl.cli.blocks import show
 from rigctl.dataset import Run
 
 
@@ -25,14 +26,15 @@ def run_of(columns: dict[str, tuple[str, str, list[Any]]]) -> Run:
     return cast("Run", SimpleNamespace(table=lambda _: table))
 
 
-def printed(run: Run) -> list[str]:
-    out = Console(width=120)
-    with out.capture() as captured:
-        out.print(measures_table(run))
-    return [" ".join(line.split()) for line in captured.get().splitlines() if line.strip(" ─")]
+def printed(run: Run, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    show(measure_blocks(run))
+    lines = capsys.readouterr().out.splitlines()
+    return [" ".join(line.split()) for line in lines if line.strip(" ─")]
 
 
-def test_one_measure_of_a_sweep_of_two_variables_is_a_table_over_both() -> None:
+def test_one_measure_of_a_sweep_of_two_variables_is_a_table_over_both(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     sweep = [(oil, supply) for oil in (20.0, 80.0) for supply in (20.0, 30.0)]
     run = run_of(
         {
@@ -41,7 +43,7 @@ def test_one_measure_of_a_sweep_of_two_variables_is_a_table_over_both() -> None:
             "stroke": ("measure", "mm", [77.42, 95.0, 110.04, 96.5]),
         }
     )
-    assert printed(run) == [
+    assert printed(run, capsys) == [
         "stroke [mm] over supply",
         "oil [degC] 20 bar 30 bar",
         "20 77.4 95.0",
@@ -49,7 +51,9 @@ def test_one_measure_of_a_sweep_of_two_variables_is_a_table_over_both() -> None:
     ]
 
 
-def test_repeated_points_and_several_measures_are_a_row_for_each_record() -> None:
+def test_repeated_points_and_several_measures_are_a_row_for_each_record(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     run = run_of(
         {
             "level": ("sweep", "%", [10.0, 10.0]),
@@ -57,7 +61,7 @@ def test_repeated_points_and_several_measures_are_a_row_for_each_record() -> Non
             "worked": ("measure", "1", [1.0, 0.5]),
         }
     )
-    assert printed(run) == [
+    assert printed(run, capsys) == [
         "record level [%] top [degC] worked",
         "1 10 31.25 1.000",
         "2 10 0.500",
@@ -65,4 +69,4 @@ def test_repeated_points_and_several_measures_are_a_row_for_each_record() -> Non
 
 
 def test_records_without_measures_have_no_table() -> None:
-    assert measures_table(run_of({"level": ("sweep", "%", [10.0])})) is None
+    assert measure_blocks(run_of({"level": ("sweep", "%", [10.0])})) == []

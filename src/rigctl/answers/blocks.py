@@ -159,14 +159,35 @@ class Bars:
 
 
 @dataclass(frozen=True)
+class Sparkline:
+    """A curve in a terminal, where a page has a plot.
+
+    Attributes
+    ----------
+    values: at equal distances.
+    low, high: ends of its axis; None for its lowest and highest value.
+    ends: texts beside the top and the bottom of the axis.
+    name: behind the top.
+    lines, width: its size in characters.
+    """
+
+    values: tuple[float, ...]
+    low: float | None = None
+    high: float | None = None
+    ends: tuple[str, str] = ("", "")
+    name: str = ""
+    lines: int = 6
+    width: int = 56
+
+
+@dataclass(frozen=True)
 class Figure:
-    """Where a page draws the plot `key`; a terminal shows only the `curve`, if there is one: its values at
-    equal distances."""
+    """Where a page draws the plot `key`; a terminal shows only the `curve`, if there is one."""
 
     key: str
     caption: str
     note: str = ""
-    curve: tuple[float, ...] = ()
+    curve: Sparkline | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,18 @@ from collections.abc import Iterator, Sequence
 
 from rigctl.analysis.agreement.replicates import ReplicateTest
 from rigctl.analysis.decision_levels import ALPHA, STAND_IN
-from rigctl.answers.blocks import Answer, Block, Column, Figure, Point, Points, Sentence, Table, counted
+from rigctl.answers.blocks import (
+    Answer,
+    Block,
+    Column,
+    Figure,
+    Point,
+    Points,
+    Sentence,
+    Sparkline,
+    Table,
+    counted,
+)
 from rigctl.answers.notes import all_notes
 from rigctl.answers.verdict import doubt_text as doubtful
 from rigctl.discovery.curve import Curve
@@ -125,7 +136,10 @@ def _curve(curve: Curve, number: int) -> list[Block]:
     )
     times = f" (times {curve.times})" if curve.times else ""
     caption = f"the term at {curve.slot.name} over {curve.over}{times}{absorbed}"
-    return [Figure(f"curve-{number + 1}", caption, curve=tuple(curve.value.tolist())), Table(columns, rows)]
+    return [
+        Figure(f"curve-{number + 1}", caption, curve=Sparkline(tuple(curve.value.tolist()))),
+        Table(columns, rows),
+    ]
 
 
 def _formulas(discovery: Discovery) -> Table:

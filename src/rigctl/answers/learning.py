@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import assert_never
 
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.answers.blocks import Answer, Bar, Bars, Block, Column, Next, Points, Table, nonempty
+from rigctl.answers.blocks import Answer, Bar, Bars, Block, Column, Next, Points, Sentence, Table, nonempty
 from rigctl.answers.design_statement import WITHOUT_EFFECT
 from rigctl.answers.errors import error_text, held_out_text
 from rigctl.answers.improvement import sizes_in
@@ -160,7 +160,9 @@ def learning_answer(
 
 
 def learned_blocks(learned: Learned, folder: Path, page: Path) -> list[Block]:
-    """Below the statement: what was predicted and achieved, what it cost, and the next command."""
+    """How it ended, what was predicted and achieved, what it cost, and the next command."""
+    good = learned.ended is LearningEnd.ADEQUATE
+    ended = Sentence(learned.statement, "good" if good else "warn", heading(learned), main=True)
     compared = [one for one in learned.rounds if one.predicted and one.predicted.aim != "precision"]
     lines = [
         f"round {one.number}: {outcome(one)}"
@@ -173,7 +175,13 @@ def learned_blocks(learned: Learned, folder: Path, page: Path) -> list[Block]:
     ]
     if learned.sensor:
         lines.append(f"with {' and '.join(learned.sensor)} measured too, they would be distinguished")
-    return [_comparison(compared), Points.of("", lines), *_next(learned, folder)]
+    return [ended, _comparison(compared), Points.of("", lines), *_next(learned, folder)]
+
+
+def round_blocks(one: Round) -> list[Block]:
+    """A judged round."""
+    judged = Sentence(round_text(one), head=f"Round {one.number}", main=True)
+    return [judged, Points.of("", [one.statement] if one.statement else [])]
 
 
 def _comparison(rounds: Sequence[Round]) -> Table:

@@ -101,8 +101,9 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
 
 
 def _tell_end(result: RunResult, *, as_json: bool) -> None:
+    from rigctl.answers.measures import measure_blocks
+    from rigctl.cli.blocks import show
     from rigctl.cli.nonblocking_output import finish_display
-    from rigctl.cli.views.measures import show_measures
     from rigctl.dataset.history import absences_in
 
     finish_display()
@@ -134,7 +135,7 @@ def _tell_end(result: RunResult, *, as_json: bool) -> None:
             echo(f"  {result.folder.as_posix()}")
         if run is not None and sys.stdout.isatty():
             with suppress(RigctlError):  # what its files lack must not hide how the run ended
-                show_measures(run)
+                show(measure_blocks(run))
         if test is not None and test.measures:
             _report_test(test)
         if run is not None and (absences := absences_in(run.info)):

@@ -13,11 +13,11 @@ from rigctl.answers.blocks import (
     Block,
     Column,
     Details,
-    Figure,
     Next,
     Note,
     Points,
     Sentence,
+    Sparkline,
     Table,
     is_empty,
 )
@@ -28,10 +28,8 @@ from rigctl.report.braille import draw_curve
 
 _COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "bright_black", None: ""}
 _MARKS = {"+": "[green]+[/] ", "-": "[red]-[/] ", "!": "[yellow]![/] ", "": ""}
-#: characters of the heading of a fact, and of a full bar in a table and by itself
-_WIDTH, _BAR, _LONG_BAR = 11, 16, 40
-#: width and height of a curve
-_CURVE = 56, 6
+#: characters of the heading of a fact, of a full bar in a table and by itself, and beside an axis
+_WIDTH, _BAR, _LONG_BAR, _AXIS = 11, 16, 40, 9
 
 
 def show_answer(answer: Answer, evidence: Sequence[Block] = ()) -> None:
@@ -67,8 +65,8 @@ def show(blocks: Iterable[Block]) -> None:
             _show_table(block)
         elif isinstance(block, Bars):
             _show_bars(block)
-        elif block.curve:
-            _show_curve(block)
+        elif block.curve is not None:
+            _show_curve(block.caption, block.curve)
 
 
 def _print(line: str) -> None:
@@ -107,12 +105,18 @@ def _show_bars(block: Bars) -> None:
         _print(f"  {escape(bar.label):<{width}}  [cyan]{drawn}[/] {escape(bar.text)}")
 
 
-def _show_curve(block: Figure) -> None:
-    """A curve in Braille characters; a terminal draws no other plots."""
-    low, high = min(block.curve), max(block.curve)
-    _print(f"  [bold]{escape(block.caption)}[/]")
-    for line in draw_curve(list(block.curve), width=_CURVE[0], height=_CURVE[1], low=low, high=high):
-        _print(f"    [cyan]{line}[/]")
+def _show_curve(caption: str, curve: Sparkline) -> None:
+    """A curve in Braille characters below its caption; a terminal draws no other plots."""
+    low = min(curve.values) if curve.low is None else curve.low
+    high = max(curve.values) if curve.high is None else curve.high
+    lines = draw_curve(curve.values, width=curve.width, height=curve.lines, low=low, high=high)
+    if caption:
+        _print(f"  [bold]{escape(caption)}[/]")
+    for number, line in enumerate(lines):
+        # texts stand at the first and the last line only: the ends of the axis
+        end = curve.ends[0] if number == 0 else curve.ends[1] if number == len(lines) - 1 else ""
+        axis = f"{escape(end):>{_AXIS}} │" if any(curve.ends) else "  "
+        _print(f"  {axis}[cyan]{line}[/]" + (f"  {escape(curve.name)}" if curve.name and not number else ""))
 
 
 def _show_table(block: Table) -> None:

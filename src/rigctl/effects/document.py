@@ -6,6 +6,7 @@ from typing import Any
 
 from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.equations import term_texts
+from rigctl.effects.generic import offers
 from rigctl.physics.family import ModelFamily
 from rigctl.units import parse_unit
 
@@ -93,3 +94,17 @@ def family_document(family: ModelFamily) -> dict[str, Any]:
         ],
         "variables": [{"name": name, "unit": unit, "meaning": meaning} for name, unit, meaning in named],
     }
+
+
+def offer_documents(family: ModelFamily) -> list[dict[str, Any]]:
+    """The slots of a family with the generic effects that act there, and why others do not."""
+    return [
+        {
+            "family": family.name,
+            "slot": offer.role.slot.name,
+            "unit": offer.role.slot.shown_unit,
+            "effects": [effect.name for effect in offer.effects],
+            "why_not": offer.why_not,
+        }
+        for offer in offers(family)
+    ]

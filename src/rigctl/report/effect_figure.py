@@ -4,23 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rigctl.dataset.outputs import is_figure, require_output
 from rigctl.effects.declaration import Effect
-from rigctl.errors import RigctlError
 from rigctl.model.signature import Signature
-from rigctl.report.figure_files import FORMATS, write_figure
+from rigctl.model.signature_document import shown_change
+from rigctl.report.figure_files import require_figure, write_figure
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.rig.rig import Rig
-from rigctl.units import interval_unit, parse_unit
-
-#: units of readings without a rig file
-_SHOWN = {"Pa": "bar", "m": "mm", "m^2/s": "cSt"}
-
-
-def shown_unit(output: str, unit: str, rig: Rig | None) -> str:
-    """The unit in which a change of an output is shown; temperatures change by kelvins."""
-    wanted = rig.channels[output].unit if rig is not None else _SHOWN.get(unit, unit)
-    return interval_unit(wanted)
 
 
 def write_effect_figure(signature: Signature, effect: Effect, path: Path, rig: Rig | None = None) -> Path:
@@ -31,18 +20,10 @@ def write_effect_figure(signature: Signature, effect: Effect, path: Path, rig: R
     RigctlError
         the file has another ending, an existing file is not a figure, or it cannot be written.
     """
-    form = path.suffix.lstrip(".").casefold()
-    if form not in FORMATS:
-        raise RigctlError(
-            "not a format of figures",
-            value=path.name,
-            expected=f"a name ending in {' or '.join(f'.{each}' for each in FORMATS)}",
-        )
-    require_output(path, replaces=is_figure, option="")
+    form = require_figure(path)
     panels = []
-    for index, (name, si) in enumerate(zip(signature.output_names, signature.output_units, strict=True)):
-        unit = shown_unit(name, si, rig)
-        change = signature.difference[:, index] / parse_unit(unit).factor
+    for index, name in enumerate(signature.output_names):
+        change, unit = shown_change(signature, index, rig)
         trace = Trace(name, signature.times, change, Look.LINE, index, unit, in_legend=False)
         panels.append(Panel(f"Δ {name.replace('_', ' ')}\n[{unit}]", (trace,)))
     plot = Plot(path.stem, f"{effect.name}: {effect.equation}", "time [s]", tuple(panels))

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.answers.numbers import prose
+from rigctl.dataset.outputs import is_figure, require_output
+from rigctl.errors import RigctlError
 from rigctl.files.write import write_bytes
 from rigctl.report import colours
 from rigctl.report.plot import Look, Panel, Plot, Trace
@@ -30,6 +32,25 @@ _STYLE: Final[dict[Any, Any]] = {
     "text.parse_math": False,  # a dollar in a name is a dollar
     "path.simplify": True,
 }
+
+
+def require_figure(path: Path) -> str:
+    """The format of a figure that is to be written to `path`: its ending.
+
+    Raises
+    ------
+    RigctlError
+        the file has another ending, or an existing file is not a figure.
+    """
+    form = path.suffix.lstrip(".").casefold()
+    if form not in FORMATS:
+        raise RigctlError(
+            "not a format of figures",
+            value=path.name,
+            expected=f"a name ending in {' or '.join(f'.{each}' for each in FORMATS)}",
+        )
+    require_output(path, replaces=is_figure, option="")
+    return form
 
 
 def write_figure(plot: Plot, folder: Path, form: str = "png") -> Path:

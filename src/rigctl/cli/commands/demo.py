@@ -307,8 +307,9 @@ def _simulate(
 
     start = time.perf_counter()
     with progress_display(f"Reading {_PROCEDURE.as_posix()}"):
+        from rigctl.answers.measures import measure_blocks
+        from rigctl.cli.blocks import show
         from rigctl.cli.plans import open_plan
-        from rigctl.cli.views.measures import show_measures
         from rigctl.dataset import open_run
         from rigctl.errors import ExitCode, RigctlError
         from rigctl.live import view
@@ -325,7 +326,7 @@ def _simulate(
     run = open_run(result.folder)
     seconds = time.perf_counter() - start
     console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
-    show_measures(run, console)
+    show(measure_blocks(run))
     return run
 
 

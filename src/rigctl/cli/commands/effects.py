@@ -73,23 +73,23 @@ def list_(
 
     Example: rigctl effects list --family mine.yaml
     """
-    from rigctl.cli.views.effects import offer_documents, show_list, show_offers, show_slots
+    from rigctl.answers.effects import library_tables, offer_tables, slot_tables
+    from rigctl.cli.blocks import show as show_blocks
     from rigctl.effects import library
-    from rigctl.effects.document import effect_document, family_document
+    from rigctl.effects.document import effect_document, family_document, offer_documents
     from rigctl.physics.families import FAMILIES, find_family
 
     families = [find_family(family)] if family is not None else list(FAMILIES.values())
     if slots:
         documents = [family_document(each) for each in families]
-        print_json({"families": documents}) if as_json else show_slots(documents)
+        print_json({"families": documents}) if as_json else show_blocks(slot_tables(documents))
         return
     effects = [effect for each in families for effect in library(each).values()]
     offered = [document for each in families for document in offer_documents(each)]
     if as_json:
         print_json({"effects": [effect_document(effect) for effect in effects], "generic": offered})
     else:
-        show_list(effects)
-        show_offers(offered)
+        show_blocks([*library_tables(effects), *offer_tables(offered)])
 
 
 @app.command()
@@ -116,9 +116,11 @@ def show(
 
     Example: rigctl effects show barus --with piston_leakage
     """
-    from rigctl.cli.views.effects import show_effect, show_signature, signature_document
+    from rigctl.answers.effects import effect_blocks, signature_blocks
+    from rigctl.cli.blocks import show as show_blocks
     from rigctl.effects.document import effect_document
     from rigctl.model.signature import signature
+    from rigctl.model.signature_document import signature_document
 
     definition, bench, others = _open(effect, family, rig, alongside)
     record = definition.model_family.standard_record is not None
@@ -141,9 +143,9 @@ def show(
             )
         )
         return
-    show_effect(definition)
+    show_blocks(effect_blocks(definition))
     if effect_signature is not None:
-        show_signature(effect_signature, bench)
+        show_blocks(signature_blocks(effect_signature, bench))
     elif picture:
         echo("\nThe family has no 'standard_record' on which to draw what it changes.")
     if figure is not None:
@@ -166,10 +168,12 @@ def check(
 
     Example: rigctl effects check my-effect.yaml --rig rigs/hl32-bench.yaml
     """
-    from rigctl.cli.views.effects import show_trial, trial_document
+    from rigctl.answers.effects import trial_blocks
+    from rigctl.cli.blocks import show as show_blocks
     from rigctl.effects.user import is_effect_file
     from rigctl.effects.user.load import place_of
     from rigctl.model.effect_preview import faults_on_record, try_effect
+    from rigctl.model.signature_document import trial_document
 
     definition, bench, others = _open(effect, family, rig, alongside)
     faults = faults_on_record(definition, bench, alongside=others, progress=_print_progress)
@@ -178,7 +182,7 @@ def check(
         errors = [error.at(place_of(where, part) if where else Location()) for part, error in faults]
         raise errors[0] if len(errors) == 1 else SeveralErrors(errors)
     trial = try_effect(definition, bench, alongside=others, progress=_print_progress)
-    print_json(trial_document(trial, bench)) if as_json else show_trial(trial, bench)
+    print_json(trial_document(trial, bench)) if as_json else show_blocks(trial_blocks(trial, bench))
 
 
 def _open(

@@ -218,7 +218,9 @@ def import_(
 
 def _show(preview: Preview, file: Path, output: Path | None, *, as_json: bool) -> None:
     """Show what would be read; errors in it go to stderr."""
-    from rigctl.cli.views.import_preview import show_preview, write_preview
+    from rigctl.answers.import_preview import preview_blocks
+    from rigctl.cli.blocks import show
+    from rigctl.report.import_figure import write_preview
 
     for fault in preview.faults[:_TOLD]:
         echo(f"bad: {fault.error(file)}", err=True)
@@ -231,7 +233,7 @@ def _show(preview: Preview, file: Path, output: Path | None, *, as_json: bool) -
     if as_json:
         print_json(preview.as_data())
     else:
-        show_preview(preview)
+        show(preview_blocks(preview))
         echo("Nothing was imported.", err=True)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigctl.cli.echo import print_json
+from rigctl.cli.echo import echo, print_json
 from rigctl.cli.options.analysis import HoldOut
 from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence
@@ -126,10 +126,11 @@ def learn(
 
       rigctl learn --resume --yes
     """
+    from rigctl.answers.learning import learned_blocks, round_blocks
+    from rigctl.cli.blocks import show
     from rigctl.cli.commands.design import read_budget
     from rigctl.cli.options.serve import shown
     from rigctl.cli.progress import progress_display
-    from rigctl.cli.views.learn import show_learned, show_proposal, show_round
     from rigctl.learning.learn import Learner
     from rigctl.project import find_project
 
@@ -153,7 +154,7 @@ def learn(
     person = _person(operator)
 
     def ask(proposal: Round, design: DesignResult) -> bool:
-        show_proposal(proposal, design, quiet=as_json, verbose=verbose)
+        _show_proposal(proposal, design, quiet=as_json, verbose=verbose)
         return yes or _confirmed()
 
     with shown(wanted=serve):
@@ -166,7 +167,7 @@ def learn(
                 "Reading the records",
                 "measurements and additions are kept; 'rigctl learn --resume' continues",
             ),
-            on_round=lambda one: None if as_json else show_round(one),
+            on_round=lambda one: None if as_json else show(round_blocks(one)),
         )
         try:
             learned = learner.learn()
@@ -178,8 +179,22 @@ def learn(
         if as_json:
             print_json(learned.document() | {"folder": session.folder.as_posix(), "page": page.as_posix()})
         else:
-            show_learned(learned, session.folder, page)
+            show(learned_blocks(learned, session.folder, page))
     raise typer.Exit(int(learned.exit_code))
+
+
+def _show_proposal(one: Round, design: DesignResult, *, quiet: bool, verbose: bool) -> None:
+    """Show the proposed records; with `verbose` also the predictions for each pair."""
+    from rigctl.answers.design import design_answer, whole_design
+    from rigctl.cli.blocks import show, show_answer
+
+    echo(f"\nRound {one.number} would be {one.procedure}", err=True)
+    if quiet:
+        echo(design.statement, err=True)
+    elif verbose:
+        show(whole_design(design))
+    else:
+        show_answer(design_answer(design))
 
 
 def read_share(text: str) -> float:

@@ -53,6 +53,11 @@ class ColumnPreview:
     high: float | None
     course: NDArray[np.float64]
 
+    @property
+    def is_sampled(self) -> bool:
+        """Whether it is a curve over time: a channel or a command."""
+        return self.kind in ("channel", "command")
+
 
 @dataclass(frozen=True)
 class RecordPreview:
