@@ -116,7 +116,7 @@ def difference_blocks(difference: ModelDifference) -> list[Block]:
         Column("deviations", "standard deviations"),
     )
     values = Table(columns, tuple(map(_differing, difference.values)))
-    return [Sentence(named, main=True), Points("", tuple(effects)), values]
+    return [Points(named, tuple(effects) or (Point("the same effects"),)), values]
 
 
 def _differing(difference: ValueDifference) -> dict[str, Any]:
