@@ -32,7 +32,7 @@ def needs_windows_itself(what: str) -> pytest.MarkDecorator:
 #: the emulated board
 needs_simavr = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
 
-#: a C compiler, which Wine has not
+#: a C compiler; under Wine `tools/windows-under-wine` installs one
 needs_compiler = pytest.mark.skipif(
     os.name == "nt" and not any(map(shutil.which, ("cc", "gcc", "clang", "cl"))),
     reason="needs a C compiler, which is not installed there",

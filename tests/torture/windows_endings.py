@@ -3,8 +3,8 @@
     tools/windows-under-wine endings [NUMBER] [--minutes M] [--results FILE]
 
 Each trial is a line in the results as soon as it has ended, and those already there are not repeated: started
-again, it goes on where it was, up to NUMBER trials in all. At a failure of the test itself, say one that
-could not start rigctl, nothing was tested: such a trial counts as neither safe nor unsafe.
+again, it goes on where it was, up to NUMBER endings in all. Where rigctl ended before it was told to, as it
+does when a busy computer cannot keep the rate of the record, nothing was tested, and another trial follows.
 
 The device is the stand-in of the two-heater board, which has no protection of its own, on a pseudo-terminal
 that is Wine's COM1. Wine is not Windows: drivers, and how long Windows lets a process live, are not shown.
@@ -131,7 +131,7 @@ def one(folder: Path, seed: str, number: int, how: str) -> Trial:
             except AssertionError:
                 raise Untested(f"rigctl had not begun to heat after {STARTS:.0f} s") from None
             if host.poll() is not None:
-                raise Untested(f"rigctl had ended before: {host.communicate()}")
+                raise Untested(f"rigctl had ended before: {_reason(*host.communicate())}")
             time.sleep(moment)
             began = time.monotonic()
             out, err = _told(host, how)
@@ -158,6 +158,14 @@ def _says_unconfirmed(out: str) -> bool:
         return False  # it printed nothing, or was killed
 
 
+def _reason(out: str, err: str) -> str:
+    """Why it ended, as far as it has said so."""
+    try:
+        return str(json.loads(json.loads(out)["out"])["reason"])
+    except (ValueError, LookupError):
+        return f"{out} {err}"
+
+
 def _judge(project: Path, how: str, out: str, err: str) -> None:
     """Fail unless the run can be read, and was reported as it ended."""
     assert out.strip(), err
@@ -178,15 +186,19 @@ def _say(line: str) -> None:
     sys.stdout.flush()
 
 
+def _tested(trials: list[Trial]) -> list[Trial]:
+    return [trial for trial in trials if trial.outcome != "untested"]
+
+
 def summary(trials: list[Trial]) -> list[str]:
     """Counts of each kind, the slowest, and the bound that so many trials give."""
     lines = []
     for how in ENDINGS:
-        of_kind = [trial for trial in trials if trial.how == how and trial.outcome != "untested"]
+        of_kind = [trial for trial in _tested(trials) if trial.how == how]
         good = [trial for trial in of_kind if trial.outcome == "safe"]
         slowest = max((trial.off or 0.0 for trial in good), default=math.nan)
         lines.append(f"{how}: {len(good)} of {len(of_kind)} safe, heater off after at most {slowest:.2f} s")
-    tested = [trial for trial in trials if trial.outcome != "untested"]
+    tested = _tested(trials)
     bad = sum(trial.outcome == "UNSAFE" for trial in tested)
     upper = stats.beta.ppf(0.975, bad + 1, len(tested) - bad) if bad < len(tested) else 1.0
     lower = stats.beta.ppf(0.025, bad, len(tested) - bad + 1) if bad else 0.0
@@ -205,7 +217,7 @@ def main(wanted: int, minutes: float, results: Path, seed: str) -> int:
     if results.exists():
         trials = [Trial(**json.loads(line)) for line in results.read_text(encoding="utf-8").splitlines()]
     give_up = time.monotonic() + minutes * 60.0
-    while len(trials) < wanted and time.monotonic() < give_up:
+    while len(_tested(trials)) < wanted and time.monotonic() < give_up:
         number = len(trials)
         how = list(ENDINGS)[number % len(ENDINGS)]
         with tempfile.TemporaryDirectory() as folder:
@@ -225,7 +237,9 @@ def main(wanted: int, minutes: float, results: Path, seed: str) -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="tools/windows-under-wine endings")
-    parser.add_argument("number", type=int, nargs="?", default=len(ENDINGS), help="trials, with those before")
+    parser.add_argument(
+        "number", type=int, nargs="?", default=len(ENDINGS), help="endings, with those before"
+    )
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin no trial after so long")
     parser.add_argument("--results", type=Path, help="file of this and earlier results; by default a new one")
     parser.add_argument("--seed", default="0")

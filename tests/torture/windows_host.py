@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
+import queue
 import subprocess
 import sys
+import threading
 from ctypes import wintypes
 
 kernel = ctypes.WinDLL("kernel32", use_last_error=True)
@@ -61,6 +64,18 @@ def tell(pid: int, event: int) -> None:
     assert kernel.CreateRemoteThread(process, None, None, routine, event, 0, None), ctypes.get_last_error()
 
 
+def named(child: subprocess.Popen[str]) -> str:
+    """The ending that stdin names, or none where rigctl has ended by itself before."""
+    lines = queue.Queue[bytes]()
+    threading.Thread(target=lambda: lines.put(os.read(0, 100)), daemon=True).start()
+    while child.poll() is None:
+        try:
+            return lines.get(timeout=0.02).decode().strip()
+        except queue.Empty:
+            pass
+    return ""
+
+
 def main() -> None:
     kernel.FreeConsole()
     kernel.AllocConsole()
@@ -70,13 +85,13 @@ def main() -> None:
     )
     owner = job()
     in_job = bool(kernel.AssignProcessToJobObject(owner, int(child._handle)))
-    how = sys.stdin.readline().strip()
+    how = named(child)
     if how == "terminated":
         child.kill()
     elif how == "job ended":
         assert in_job
         kernel.CloseHandle(owner)
-    else:
+    elif how:
         tell(child.pid, EVENTS[how])
     try:
         out, err = child.communicate(timeout=PATIENCE.get(how, 90.0))
@@ -85,6 +100,8 @@ def main() -> None:
         out, err = child.communicate()
         err += "\nended by the system\n"
     sys.stdout.write(json.dumps({"code": child.returncode, "out": out, "err": err}))
+    sys.stdout.flush()
+    os._exit(0)  # a thread may still wait for stdin
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ def history_answer(versions: Sequence[Version], current: Version) -> Answer:
         facts.append(("beware", "not all errors were computed on the same runs and held-out records"))
     return Answer(
         "good",
-        str(current.head),
+        current.head.as_posix(),
         f"version {current.number} of {len(versions)}, {current.done}{remark}",
         nonempty(facts),
         more=(

@@ -77,7 +77,7 @@ def improvement_evidence(improvement: Improvement) -> tuple[Block, ...]:
 
 
 def _history(step: Step) -> str:
-    return f"rigctl model history {step.version.head} shows every version"
+    return f"rigctl model history {step.version.head.as_posix()} shows every version"
 
 
 def _step(step: Step) -> list[Block]:
@@ -87,7 +87,7 @@ def _step(step: Step) -> list[Block]:
     return [
         Sentence(
             f"added {', '.join(step.effects)}",
-            head=f"Version {step.version.number} of {step.version.head}",
+            head=f"Version {step.version.number} of {step.version.head.as_posix()}",
             main=True,
         ),
         Sentence(reason_text(step.addition)),

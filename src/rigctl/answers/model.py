@@ -27,7 +27,7 @@ def model_blocks(model: Model, version: Version) -> list[Block]:
         *(line for name in model.effects for line in _effect(model, name)),
         *([] if model.effects else ["no effects besides its base"]),
     ]
-    named = f"{model.name} ({version.head}, version {version.number}{remark})"
+    named = f"{model.name} ({version.head.as_posix()}, version {version.number}{remark})"
     return [
         Sentence(model.description.rstrip("."), head=named, main=True)
         if model.description

@@ -42,7 +42,7 @@ def change_answer(
     answer = Answer(
         "good",
         "",
-        f"{version.head} is now version {version.number}, {_before_and_after(changed)[1]}",
+        f"{version.head.as_posix()} is now version {version.number}, {_before_and_after(changed)[1]}",
         nonempty(facts),
         changed.first,
         more=() if evidence else tuple(more),
@@ -88,13 +88,12 @@ def _row(stated: StatedValue, conditional: Conditional | None) -> dict[str, Any]
 
 def _next(changed: Changed, family: str | None) -> list[Block]:
     version, done = changed.version, changed.version.done
-    kept = (
-        f"Version {version.parent} is kept: rigctl model diff {version.head}@{version.parent} {version.head}"
-    )
+    head = version.head.as_posix()
+    kept = f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}"
     if not done.runs:
         return [Points.of("", [kept])]
     choice = DataOptions(done.only, done.hold_out, done.assume, family)
-    command = f"{analysis('compare', done.runs, str(version.head), choice)} --no-fit"
+    command = f"{analysis('compare', done.runs, head, choice)} --no-fit"
     return [Points.of("", [kept]), Next(command, "shows whether it agrees with them now")]
 
 

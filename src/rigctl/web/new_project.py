@@ -30,6 +30,6 @@ def fill(site: Site, request: PageRequest) -> dict[str, Any]:
     """
     root = site.require_project()
     if not is_empty(site):
-        raise RigctlError("this folder holds a project already", value=str(root))
+        raise RigctlError("this folder holds a project already", value=root.as_posix())
     minimal = ["--minimal"] if request.body.get("minimal") is True else []
     return site.jobs.start_command("New project", ["init", *minimal]).document()

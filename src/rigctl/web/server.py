@@ -166,7 +166,7 @@ def one_server(project: Project) -> Iterator[Callable[[str], None]]:
         at = f" at {other['address']} (process {other['pid']})" if other else ""
         raise RigctlError(
             f"this project is served already{at}",
-            value=str(project.root),
+            value=project.root.as_posix(),
             hint="Open the address that it has printed, or end it first",
             exit_code=ExitCode.FAILED,
         ) from None

@@ -65,7 +65,7 @@ class Site:
         if not root.is_dir():
             raise RigctlError(
                 "the project's folder is missing",
-                value=str(root),
+                value=root.as_posix(),
                 hint="Nothing can be read or started until it is back; this page then continues by itself",
                 exit_code=ExitCode.FAILED,
             )

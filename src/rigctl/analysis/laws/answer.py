@@ -134,7 +134,7 @@ class LawAnswer:
             "follows": self.follows,
             "statement": self.statement,
             "formula": self.formula,
-            "file": None if self.file is None else str(self.file),
+            "file": None if self.file is None else self.file.as_posix(),
         }
 
     def _driver(self, x: Floats) -> Floats:
