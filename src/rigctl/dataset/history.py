@@ -1,4 +1,11 @@
-"""The content of a run's log: its sessions, records and measures, and how it ended. Reads only."""
+"""The content of a run's log: its sessions, records and measures, and how it ended. Reads only.
+
+In: the lines of ``log.jsonl``, some of which may be damaged. Out: a `History`. The log is read from its
+first to its last line, with the open record and the offset of the session as the only state. A line that
+is damaged costs what it said and no more, except where a record was open: what it said might have been a
+command in that record, which is then marked as damaged. Times in the log are those of a session; here
+they are those of the run.
+"""
 
 from __future__ import annotations
 
@@ -188,6 +195,7 @@ class _Reader:
 
     def read(self, line: Mapping[str, Any]) -> None:
         kind = line["kind"]
+        # A new session ends whatever the last one had left open: its program was killed.
         if kind == "session":
             self._offset = line["offset"]
             self._open = None
@@ -199,6 +207,7 @@ class _Reader:
             )
         time = line["time"] + self._offset
         self._history.last_time = max(self._history.last_time, time)
+        # Opened before, and closed after its line becomes an event, so that both belong to the record.
         if kind == "record" and line["state"] == "open":
             self._open_record(line, time)
         self._add_event(line, time)

@@ -1,4 +1,9 @@
-"""``run.json``: the metadata of a run, and the checksums of its data files."""
+"""``run.json``: the metadata of a run, and the checksums of its data files.
+
+It is the one file that is read of every run in a list, and the one that says whether the others are whole:
+hence a checksum of its own, over the parsed content, so that reformatting it does no harm and changing it is
+noticed. A file of the first format has none; in any other a missing checksum counts as damage.
+"""
 
 from __future__ import annotations
 
@@ -70,6 +75,7 @@ def _checked(text: str, file: str, run_id: str) -> dict[str, Any]:
         raise _damaged(file, run_id) from problem
     if not isinstance(info, dict) or "id" not in info or "status" not in info:
         raise _damaged(file, run_id)
+    # The checksum before the fields: what was changed is not interpreted.
     if not _is_unprotected(info) and info.get(_CHECKSUM) != _digest(info):
         raise _damaged(file, run_id, "the file was changed since it was written")
     if (wrong := wrong_field(info)) is not None:

@@ -154,6 +154,8 @@ class StandstillDetector:
     def found(self) -> list[Standstill]:
         """Return the stretches that are no coincidence, in the order in which they were added."""
         self._close()
+        # From all stored stretches down to the longest alone: the most that stand out together from all
+        # others.
         stretches = sorted(self._stored, reverse=True)
         for count in range(len(stretches), 0, -1):
             shorter = stretches[count].readings if count < len(stretches) else self._others

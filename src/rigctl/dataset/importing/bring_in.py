@@ -1,4 +1,10 @@
-"""Import of measurement files as a run: completely or not at all."""
+"""Import of measurement files as a run: completely or not at all.
+
+In: files, a rig, options. Out: a run like any measured one, with remarks on what was assumed. The file is
+read twice: the first pass (`take`) finds the columns, checks every row and knows every record; only then
+is the second written, into a hidden folder that becomes a run by a single renaming. Whatever fails before
+leaves nothing. Why twice: docs/decisions/0014-imported-files-read-twice-groups-are-records.md.
+"""
 
 from __future__ import annotations
 
@@ -120,6 +126,8 @@ def import_files(
     RigctlError
         a file cannot be read, a column is unknown, or a row is bad; nothing was imported.
     """
+    # Compared again at the end: a logger that still writes would give records that the first pass has not
+    # seen.
     before = [_state(path) for path in paths]
     taken = take(paths, rig, options, keep_good=keep_good, on_progress=on_progress)
     result = taken.found
@@ -128,6 +136,7 @@ def import_files(
     if not taken.rows:
         raise RigctlError("there is nothing to import", expected="rows of values", where=Location(paths[0]))
     remarks = remarks_of(taken, rig, options)
+    # The name has the second in it; imports started by a script may take the same.
     for remaining in reversed(range(_TRIES)):
         header = _header(paths, rig, taken, runs, operator, options)
         try:
@@ -160,6 +169,7 @@ def _write(
             return publish(complete, runs), records
         except BaseException as problem:
             writer.discard()
+            # A file that changed is the cause of whatever was found wrong in it.
             if isinstance(problem, Exception):
                 _check_unchanged(paths, before, problem)
             raise
@@ -233,6 +243,8 @@ def take(
         options = replace(options, own=frozenset((*rig.channels, *rig.actuators)))
     source = open_files(paths, options)
     options = with_time_column(((heading.name, heading.unit) for heading in source.headings), options)
+    # No column is called time: one whose cells are dates is taken for it, and the file is opened anew with
+    # that.
     if not any(options.ours(heading.name) == "time" for heading in source.headings):
         stamped = stamped_column(paths[0], source, options)
         if stamped is not None:

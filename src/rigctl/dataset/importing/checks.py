@@ -1,4 +1,12 @@
-"""Row-by-row checks of imported samples, independent of the division into parts."""
+"""Row-by-row checks of imported samples, independent of the division into parts.
+
+In: parts of a file as written. Out: the same rows in SI, in the columns of the run, without those that
+are bad, and a fault for each of these. The checker keeps what it has to know of earlier parts (the open
+record, its newest time, the records that have ended), so that where a part ends makes no difference.
+
+A reading that is impossible is a missing value; a command that is impossible is a fault of its row, since
+what was really commanded is unknown (docs/decisions/0163-an-impossible-command-is-a-fault-of-its-row.md).
+"""
 
 from __future__ import annotations
 
@@ -80,6 +88,8 @@ class Checker:
         """Check the next rows of the file."""
         values = {column.name: self._values(column, part) for column in self._columns}
         bad = InvalidRows(part)
+        # Values first, then the record, then the order of time: a row has its first fault only, and a row
+        # without a usable time or record must not count in the order of the others.
         self._check_values(values, bad)
         ids = self._ids(part, bad)
         ordered = self._in_order(values["time"], ids, bad)
@@ -169,6 +179,8 @@ class Checker:
                 continue
             if begins:
                 self._begin(label)
+            # Compared with the latest time so far, not with the previous row: after one step back all rows up
+            # to the old time are bad, not only the first.
             times = np.maximum.accumulate(np.concatenate([[self._latest], time[rows_of_label]]))
             # between records, where the rate changes, two samples may have the same time
             stands = (time[rows_of_label] == times[:-1]) & (label != BETWEEN)

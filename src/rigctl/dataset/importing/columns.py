@@ -1,4 +1,10 @@
-"""Assigns a file's columns to the bench: time, record, channels and commands."""
+"""Assigns a file's columns to the bench: time, record, channels and commands.
+
+In: headings as written, the rig, and what the user has mapped. Out: for each column its meaning, unit and
+range. Names are looked for in this order: what the user says (`--columns`); a name of the bench, in any
+spelling; that name followed by a unit; a name with the same meaning on every bench. An unknown column of
+numbers is refused with the most likely name, not guessed: a channel under a wrong name would be believed.
+"""
 
 from __future__ import annotations
 
@@ -161,6 +167,7 @@ def assign(
         if key in assigned:
             raise RigctlError("the column is there twice", value=heading.name, where=heading.where)
         assigned[key] = column
+    # All of them in one message, so that the user needs one more attempt and not one for each.
     if unknown:
         _suggest(unknown, rig, assigned)
         raise unknown[0] if len(unknown) == 1 else _several_unknown(unknown, rig, samples=samples)
@@ -270,6 +277,7 @@ def _known_name(heading: Heading, rig: Rig | None) -> tuple[str, str | None]:
     plain, ending = split_ending(heading.name) if heading.unit is None else (heading.name, None)
     own = ending if heading.unit is None and plain == heading.name else heading.unit  # 'rpm' is both
     placed = split_ending(heading.name, is_current=True)[0] if heading.unit is None else plain
+    # From the whole name to the name without its ending: `speed_rpm` of the bench is not taken apart.
     for name, unit in ((heading.name, own), (plain, ending), (placed, "A")):
         match = next((ours for ours in known if folded(ours) == folded(name)), None)
         # names that a formula cannot use are written differently in a rig file drafted from this log

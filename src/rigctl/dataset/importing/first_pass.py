@@ -1,4 +1,11 @@
-"""The first pass over a file: facts about every record, before any is written."""
+"""The first pass over a file: facts about every record, before any is written.
+
+In: the checked rows, part by part. Out: a `Survey`: the records with their rates, gaps and conditions,
+the bad rows, the range of every column, sensors that stand still. A record's condition (its temperature,
+say) is known only at its end and stored at its beginning, which is why a pass comes before the writing.
+Memory is
+needed only for the times and the columns on which conditions depend.
+"""
 
 from __future__ import annotations
 
@@ -148,6 +155,7 @@ class _Gathered:
         rows = np.delete(block[stretch.start : stretch.stop], 1, axis=1)  # without the record's number
         if self._first is None:
             self._first = rows[0].copy()
+        # A copy may begin at another time; rounded, as the difference of decimals is not exact.
         rows[:, 0] = np.round(rows[:, 0] - self._first[0], 9)
         measured = slice(1, 1 + len(self._layout.channels))
         self._changes |= bool((np.abs(rows[:, measured] - self._first[measured]) > 0.0).any())

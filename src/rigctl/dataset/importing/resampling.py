@@ -97,6 +97,7 @@ def resample(
         }
         for name, one in series.items():
             again.setdefault(name, []).extend(one.again.tolist())
+        # Record by record: nothing is interpolated from one record into another.
         grid = series[leading.name].times if leading is not None else _grid(series, step or 0.0)
         piece = {c.index: _at(grid, series[c.name], hold=c.kind == "command") for c in known}
         piece[time.index] = grid

@@ -1,4 +1,10 @@
-"""Writes samples as a run, divided into records, with the switch times of commands."""
+"""Writes samples as a run, divided into records, with the switch times of commands.
+
+In: a source, its assigned columns, the options. Out: `Samples`, what the first pass has found, which
+`write` then turns into a run. The rows of a short file are kept from the first pass; a long one is read
+again. Commands in a log are samples: each change becomes a switch at a time between two rows, with half
+their distance as uncertainty.
+"""
 
 from __future__ import annotations
 
@@ -232,6 +238,7 @@ class _Recorder:
             if not len(known):
                 continue
             values, times = rows[known, index], rows[known, 0]
+            # A switch may lie between two stretches: the last sample of the one before is compared too.
             if actuator in self._told:
                 time, value = self._told[actuator]
                 times, values = np.concatenate([[time], times]), np.concatenate([[value], values])

@@ -109,6 +109,7 @@ def begin_records(part: RowBlock, find: Callable[[slice], NDArray[np.bool_]]) ->
             texts.append("")
             continue
         starts = find(slice(start, stop))
+        # The first row begins a record anyway.
         starts[0] = False
         edges = [start, *(start + np.flatnonzero(starts)).tolist(), stop]
         for number, (first, last) in enumerate(pairwise(edges), start=1):
@@ -166,6 +167,7 @@ def _at_commands(commands: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
     starts = np.zeros(rows, dtype=bool)
     leaves = np.flatnonzero(moved[1:] & ~moved[:-1]) + 1
     comes = np.flatnonzero(~moved[1:] & moved[:-1]) + 1
+    # The first command needs no division: the file begins there.
     for row in leaves[1:].tolist():
         quiet = row - int(comes[comes < row][-1])
         starts[row - min(LEAD, max(quiet // 2, 1))] = True

@@ -1,6 +1,11 @@
 """Optional processing of the rows of a file between reading and checking.
 
 It needs more than one row at a time, so that the file is held in memory; one that is too long is refused.
+
+The order: marks of missing values are left out as soon as rows are read, since whatever follows would
+take them for readings; then resampling, as channels with clocks of their own have no common rows before
+it; then times that do not increase are dropped, spread or made the beginning of a record; last the
+division into records, which needs all of that.
 """
 
 from __future__ import annotations
@@ -53,6 +58,7 @@ class Stages:
         """After a pass, take the numbers that turned out to be marks of missing values for the next passes;
         return whether there are any.
         """
+        # Once: after the second pass the marks are gone from the columns, and nothing new is to be found.
         self.marks = self.sentinels.found() if not self.marks else {}
         return bool(self.marks)
 

@@ -2,6 +2,10 @@
 
 It is stored in the user's cache, one file for each runs folder. A runs folder may be read-only, or on a
 network whose locks are not reliable enough for SQLite; and it should contain only runs.
+
+Nothing depends on it but time: whatever goes wrong with the file, the question is answered from an index
+in memory. It may be used by several programs at once; SQLite's own locks keep them apart, and each brings
+it up to date before it asks.
 """
 
 from __future__ import annotations
@@ -111,6 +115,8 @@ def _ask_kept(path: Path, update: _Update, in_memory: _Update, question: Callabl
     """
     try:
         return _ask_file(path, update, question)
+    # SQLite has one class for a busy file, a full disk and some kinds of damage: only the last is a reason to
+    # make the index again.
     except sqlite3.OperationalError as problem:
         if _sound(path):
             logger.warning("the index of the runs cannot be used (%s); %s are read", problem, truth)

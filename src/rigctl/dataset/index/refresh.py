@@ -68,6 +68,7 @@ def refresh(index: sqlite3.Connection, runs: Path, *, channels: bool = True) -> 
 
     May be interrupted, and run by several programs at once: unfinished folders are checked again.
     """
+    # 1. Folders that were touched since: every run in them is compared by size and time of its `run.json`.
     known: dict[str, int] = dict(index.execute("SELECT name, mtime FROM shard"))
     changes = _Changes()
     present = _folders(runs, known)
@@ -77,10 +78,13 @@ def refresh(index: sqlite3.Connection, runs: Path, *, channels: bool = True) -> 
     for name in changes.gone_folders:
         rows = index.execute("SELECT shard, id FROM run WHERE shard = ?", [name])
         changes.gone += rows.fetchall()
+    # 2. Folders that look unchanged: a random part of their runs is checked. One that was changed behind our
+    #   back means that the times of folders cannot be trusted here, and all are compared.
     settled = {name for name in present if name not in changes.times}
     if settled and _changed_unseen(index, runs, settled):
         for name in settled:
             _compare(index, runs, name, None, changes)
+    # 3. Runs that were in progress may have ended, or been killed, without any file changing.
     _look_at_open(index, runs, changes)
     if changes:
         _apply(index, runs, changes, channels=channels)
@@ -119,6 +123,8 @@ def _compare(index: sqlite3.Connection, runs: Path, name: str, known: int | None
         if state is not None and rows.pop(run_id, None) != state:
             changes.read[name, run_id] = state
     changes.gone += [(name, run_id) for run_id in rows if file_state(folder / run_id) is None]
+    # Kept only once it is old: a second change within the resolution of the file system would have the same
+    # time.
     time_kept = changed if changed < time.time_ns() - _UNSETTLED else -1
     if time_kept != known:
         changes.times[name] = time_kept
@@ -153,6 +159,7 @@ def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels
     """Read the changes, and store them in batches; folders are marked as checked at the end."""
     if len(changes.read) >= _LONG:
         logger.warning("reading %d runs for the index of %s, once", len(changes.read), runs)
+    # Marked as unchecked before the first row is stored: an interrupt leaves folders that are compared again.
     with transaction(index):
         unfinished = [(name, -1) for name in changes.times]
         index.executemany("INSERT OR REPLACE INTO shard VALUES (?, ?)", unfinished)
@@ -186,6 +193,8 @@ def _rows(
         for start in range(0, len(wanted), _BATCH):
             batch = wanted[start : start + _BATCH]
             began, busy = time.perf_counter(), time.thread_time()
+            # Whether reading waits for the disk is measured, not guessed: on a local disk one thread is as
+            # fast as four.
             rows = read(batch[:_FEW])
             busy, took = time.thread_time() - busy, time.perf_counter() - began
             rest = batch[_FEW:]

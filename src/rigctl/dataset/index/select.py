@@ -1,4 +1,10 @@
-"""Selects runs by an SQL condition that can only read the two tables of the index."""
+"""Selects runs by an SQL condition that can only read the two tables of the index.
+
+In: a condition that a person has typed, or a browser has sent. Out: rows. The condition becomes part of
+an SQL statement, as that is the language it is written in; what it may do is therefore limited by SQLite
+itself, with an authoriser that permits reading alone, and limits of length and time. A look at the text
+before that makes sure that it is one condition.
+"""
 
 from __future__ import annotations
 
@@ -135,6 +141,8 @@ def _guarded(index: sqlite3.Connection, where: str | None, seconds: float | None
         return
     if where.count("(") != where.count(")") or ";" in where or _NUMBER.fullmatch(where):
         raise RigctlError("not one condition", value=where, expected="e.g. rig = 'bench' AND records > 20")
+    # From here to `finally`: read only, in bounded memory and time. The progress handler also lets Ctrl-C
+    # through.
     index.set_authorizer(_authorise)
     end = math.inf if seconds is None else monotonic() + seconds
     index.set_progress_handler(lambda: monotonic() > end, _STEPS)
@@ -142,6 +150,8 @@ def _guarded(index: sqlite3.Connection, where: str | None, seconds: float | None
     index.setlimit(sqlite3.SQLITE_LIMIT_LIKE_PATTERN_LENGTH, _PATTERN)
     try:
         yield
+    # Mistakes in the condition are the user's; anything else is the file's, and handled by
+    # `rigctl.dataset.index.file`.
     except sqlite3.DatabaseError as problem:
         # one without a code is of the binding: a '?' in the condition
         code = getattr(problem, "sqlite_errorcode", sqlite3.SQLITE_ERROR)

@@ -3,6 +3,13 @@
 Only this thread accesses the disk. Rows and events are queued in memory while the disk does not respond:
 after `SLOW` s there is one warning, and after `STALLED` s or `_MOST` entries the run must end. What could not
 be written to the run's folder is then written to another one, see `rescue_roots`.
+
+The run's thread appends tasks to a deque, the storage thread takes them from its front; nothing else is
+handed over but a few attributes that one side writes and the other reads (`_began`, `_failure`,
+`_in_progress`), each replaced as a whole, so that no lock is needed. A task is removed from the queue
+only after it has been carried out: should the thread hang in it for ever, `_leave_behind` finds it there,
+and finishes the work from the run's thread on another disk. From then on the hanging thread must write
+nothing any more (`_superseded`). See docs/decisions/0043-separate-disk-thread-with-fallback-folder.md.
 """
 
 from __future__ import annotations
@@ -88,6 +95,7 @@ class BackgroundWriter:
         """Begin a record; return its index in the run."""
         if self._record >= 0:
             raise ValueError(f"record {self._record} is still open")
+        # The index is known at once, without the disk: the next row already carries it.
         self._record = self._next_record
         self._next_record += 1
         self._put(lambda writer: writer.open_record(time, name, sweep, path, rate))
@@ -133,8 +141,13 @@ class BackgroundWriter:
             return self.folder
         self._ended = True
         self._closing = (status, reason, unconfirmed)
+        # The last task: the queue is worked off in order, so that everything is written before the tables are
+        # made.
         self._tasks.append(self._finish)
         self._wake.set()
+        # Measured since the beginning of the task in progress, not since `close`: a disk that makes progress
+        # may take as long as it needs. Making the tables is one task, of a long run a long one, with a limit
+        # of its own.
         give_up = STALLED
         while self._thread.is_alive():
             self._thread.join(_LOOK)
@@ -151,6 +164,7 @@ class BackgroundWriter:
 
     def _put(self, task: _Task) -> None:
         self._tasks.append(task)
+        # Raised once: the run then ends, and its last rows and events are kept all the same.
         if self._told:
             return
         if self._failure is None and (self._age() > STALLED or len(self._tasks) > _MOST):
@@ -174,6 +188,7 @@ class BackgroundWriter:
         looked = monotonic()
         while True:
             now = monotonic()
+            # Writing to a deleted file succeeds; only looking shows that the folder is gone.
             if now >= looked + _IN_PLACE:
                 looked = now
                 self._guarded(self._require_place)
@@ -187,6 +202,7 @@ class BackgroundWriter:
                     return
                 self._wake.wait(_LOOK)
                 continue
+            # Left in the queue while it is carried out, see the beginning of this module.
             task = self._in_progress = self._tasks[0]
             self._guarded(task)
             if self._superseded(self._writer):
@@ -237,6 +253,7 @@ class BackgroundWriter:
         self._writer = _elsewhere(writer, read_back=True)
         writer.release()
         self._failure = _kept_elsewhere(why, writer.folder, self._writer.folder)
+        # The run may have been told of an earlier failure; that its data go elsewhere has to be said too.
         self._told = False
 
     def _superseded(self, successor: RunWriter) -> bool:
@@ -251,6 +268,7 @@ class BackgroundWriter:
         """Write what a hanging disk has not accepted to another folder, from the calling thread."""
         current, stuck, tasks = self._in_progress, self._writer, list(self._tasks)
         self._stuck, self._abandoned = stuck, True
+        # All samples were passed on before `close` was called; the tables can be made again at any time.
         if stuck.closed:
             self._failure = RigctlError(
                 "the disk does not answer; all samples were written, the run's tables are not made",

@@ -1,4 +1,12 @@
-"""Makes a run's tables from its two append-only files."""
+"""Makes a run's tables from its two append-only files.
+
+In: the journal, the log and the annotations of a run's folder. Out: ``samples.parquet``, ``records.parquet``,
+``events.parquet``, and ``run.json`` with their checksums. This is how a run is closed, and also how one is
+recovered whose program was killed: closing is nothing but recovery without a loss.
+
+The order makes it repeatable at every point: ``run.json`` is written after the files that it vouches for, and
+the journal goes last.
+"""
 
 from __future__ import annotations
 
@@ -48,9 +56,11 @@ def finalise(folder: Path) -> dict[str, Any]:
     history = read_history(folder)
     last = history.sessions[-1] if history.sessions else None
     number, offset = (last.number, last.offset) if last else (0, 0.0)
+    # 1. The samples, first of all: what is missing of them decides the outcome of the records.
     facts = write_samples(folder, history.header, number, offset)
     _end_interrupted(history, facts)
     missing = _mark_damaged(history, facts)
+    # 2. Events and records, from the log.
     by_time = history.header.source != "import"
     write_table(folder / records_file.EVENTS, records_file.events_table(history.events, by_time=by_time))
     while True:
@@ -63,6 +73,8 @@ def finalise(folder: Path) -> dict[str, Any]:
         files = _files(folder, CHECKED)
         if files.get(ANNOTATIONS) == known.get(ANNOTATIONS):
             break  # otherwise one has just been added by another program, and is not in the table
+    # 3. What this session lacks, for the reason in ``run.json``: records first, as they are what a person
+    #   repeats.
     cut_short = [
         entry.index for entry in history.records if entry.session == number and entry.outcome == DAMAGED
     ]
@@ -70,6 +82,7 @@ def finalise(folder: Path) -> dict[str, Any]:
     info = {**_summary(history, facts, missing), "annotations": as_data(annotations), "files": files}
     if history.status == FINISHED and info["reason"] is None:
         info["reason"] = _damage(cut_short, max(missing, lost) if cut_short else lost, history.damaged_lines)
+    # 4. From here on the run counts as closed.
     run_json.write_info(folder, info)
     set_aside_journal(folder, number, misses=bool(cut_short) or lost > 0)
     return info

@@ -12,6 +12,11 @@ Layout of the file, all little-endian::
 A frame whose header or payload does not match its checksum is skipped: reading continues at the next marker
 that begins a complete frame. Each frame has the number of its first row in the journal, so that the rows
 missing before it are counted.
+
+The header has a checksum of its own, so that a damaged length is not believed: it would skip whatever
+comes after it. A marker may also occur among the numbers of a payload; what follows it there is no header
+with a right checksum, and the search goes on. See
+docs/decisions/0045-journal-damage-affects-only-damaged-frames.md.
 """
 
 from __future__ import annotations
@@ -98,6 +103,7 @@ class JournalWriter:
         OSError
             not all rows could be written. The file ends at its last complete frame; the others stay buffered.
         """
+        # In pieces of `_FRAME_BYTES`: damage, or a full disk, costs one of them.
         written = 0
         try:
             with memoryview(self._waiting) as waiting:
@@ -130,6 +136,8 @@ class JournalWriter:
     def take_over(self, other: JournalWriter, *, read_back: bool) -> None:
         """Continue another journal, with all its rows or only the buffered ones."""
         content = whole_content(other._file) if read_back else None
+        # Frame and row numbers go on in either case: a reader sees from them what is missing before the first
+        # frame.
         if content is not None:
             self._file.seek(0)
             write_fully(self._file, content)
@@ -303,6 +311,8 @@ class JournalReader:
             self.close()
             return False
         self.facts = parse_json(payload)
+        # A long journal is entered at the first marker near its end: earlier rows are of no interest to an
+        # observer.
         begins = first.start + first.length
         size = os.fstat(self._file.fileno()).st_size
         near = size - self._most
@@ -314,6 +324,8 @@ class JournalReader:
         assert file is not None  # noqa: S101 - it was opened just now
         frame, payload = _read_frame(file, self._at)
         if frame is None:
+            # Damage, or the end of what has been written so far? Only a later marker tells: the writer
+            # appends in order.
             size = os.fstat(file.fileno()).st_size
             after = _next_marker(file, self._at + 1, size)
             if after >= size:
@@ -362,6 +374,7 @@ def _scan(path: Path, file: BinaryIO) -> Journal:
             continue
         if frame.number == 0:
             facts = parse_json(payload)
+        # A frame whose number does not rise is a copy of an earlier one: its rows would count twice.
         elif not frames or frame.number > frames[-1].number:
             frames.append(frame)
         at = frame.start + frame.length

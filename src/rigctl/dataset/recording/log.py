@@ -144,6 +144,7 @@ def read_lines(path: Path) -> list[dict[str, Any] | None]:
             f"cannot read the file: {problem.strerror}", where=Location(path), exit_code=ExitCode.FAILED
         ) from problem
     lines = content[: content.rfind(b"\n") + 1].split(b"\n")[:-1]
+    # Otherwise a damaged checksum would make its line look like one of an earlier version, and be believed.
     first = next((index for index, line in enumerate(lines) if _CRC.search(line)), len(lines))
     return [_read_line(line, protected=index >= first) for index, line in enumerate(lines)]
 

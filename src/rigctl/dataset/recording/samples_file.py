@@ -1,4 +1,10 @@
-"""Makes ``samples.parquet`` from the journal: one row per sample, in the channels' display units."""
+"""Makes ``samples.parquet`` from the journal: one row per sample, in the channels' display units.
+
+In: the journal of one session, and the file that earlier sessions of the run have left. Out: one file
+with all rows, written beside the old one, read back, compared, and only then put in its place. Until that
+has happened the journal stays, so that the work can be interrupted anywhere and repeated; the session
+stored in the metadata tells whether a journal has been taken over already.
+"""
 
 from __future__ import annotations
 
@@ -126,6 +132,8 @@ def write_samples(folder: Path, header: RunHeader, session: int, offset: float) 
     if source is not None:
         session = source.facts["session"] if source.facts else session
         offset = source.facts["offset"] if source.facts else offset
+    # Nothing to add: no journal, or one that is in the file already, because a kill came between replacing
+    # the file and removing the journal.
     if source is None or (earlier is not None and earlier >= session):
         if earlier is None:
             _write(path, schema(header, 0), iter(()))
@@ -134,6 +142,7 @@ def write_samples(folder: Path, header: RunHeader, session: int, offset: float) 
         loss = Loss(source.lost_bytes, source.lost_rows(len(header.layout.columns)))
         if source.damaged or loss.rows:
             losses = {**losses, session: loss}
+        # Block by block, as a run may be larger than memory.
         blocks = _earlier_blocks(path) if earlier is not None else iter(())
         target = schema(header, session, losses)
         facts = _write(path, target, _chain(blocks, _blocks(source, header, target, offset)))
@@ -224,6 +233,7 @@ def _in_order(blocks: Iterator[NDArray[np.float64]]) -> Iterator[NDArray[np.floa
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
         for index in np.flatnonzero(np.diff(rows[:, 0]) <= 0.0) + 1:  # of two devices, at the very same time
             rows[index, 0] = max(rows[index, 0], rows[index - 1, 0] + _APART)
+        # What is older than any reading that can still come is final; the rest waits for the next block.
         ready = int(np.searchsorted(rows[:, 0], rows[-1, 0] - _LATEST)) if len(rows) else 0
         if ready:
             yield rows[:ready]

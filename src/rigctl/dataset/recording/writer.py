@@ -4,6 +4,12 @@ Two append-only files are authoritative while a run is in progress: the journal 
 everything else. Both are passed to the operating system at least twice a second, and to the disk at the end
 of a record and every ten seconds between records. `close` makes the run's tables from them, or later
 `rigctl.dataset.verification`.
+
+What has been passed to the operating system survives a kill of this program; what has been synchronised with
+the disk also survives a power failure. A sync waits for the disk, and therefore happens where a wait disturbs
+least. Between the two files the order matters: a record is in the log before its first sample can be on
+disk, and its samples are written before the line that closes it; so no kill leaves samples without a record,
+or a complete record without its samples.
 """
 
 from __future__ import annotations
@@ -119,6 +125,8 @@ class RunWriter:
         """
         from rigctl.dataset.recording.finalise import finalise
 
+        # What the earlier session left is made into tables first: the journal's name is free for the new
+        # session.
         with lock_folder(folder):
             finalise(folder)
         history = read_history(folder)
@@ -132,6 +140,7 @@ class RunWriter:
                 value=", ".join(header.layout.columns),
                 expected=", ".join(began.layout.columns),
             )
+        # Run time goes on after the last sample, also if the calendar clock has been set back since.
         elapsed = (header.started - began.started).total_seconds()
         session = _Session(
             number=len(history.sessions),
@@ -159,6 +168,8 @@ class RunWriter:
             the disk is full or gone.
         """
         self._pack_row(row)
+        # Counted here and written with the closing line: that is how a lost sample is noticed when the tables
+        # are made.
         self._record_rows += row[1] == self._record
         self._last_row = row
         if monotonic() >= self._due:

@@ -1,4 +1,11 @@
-"""The lock of a run's folder: at most one program writes to it, and the system releases it at its end."""
+"""The lock of a run's folder: at most one program writes to it, and the system releases it at its end.
+
+Two signs show that a run is in progress, for two kinds of observers. On this computer it is a lock of the
+operating system, which no kill can leave behind. Locks are not visible from another computer on many network
+folders; there it is the heartbeat in ``state.json``, if it is fresh and comes from another host.
+
+`annotations.lock` is a second, independent lock: notes are added while a run is in progress.
+"""
 
 from __future__ import annotations
 
@@ -82,6 +89,8 @@ def try_lock(folder: Path) -> FolderLock | None:
         return None
     lock = FileLock(folder / LOCK_NAME, thread_local=False)
     try:
+        # A lock file that is gone after a failed attempt was just being removed by its owner: it is tried
+        # again.
         for remaining in reversed(range(_TRIES)):
             try:
                 lock.acquire(timeout=0)

@@ -55,7 +55,11 @@ class LocalTime:
         times = since[good]
         if self.zone is UTC or not len(times):
             return offsets
+        # Offsets are looked up once for each quarter of an hour, as that is slow, and no zone changes within
+        # one.
         quarters, inverse = np.unique(times // _QUARTER, return_inverse=True)
+        # Two different offsets only in the hour that the end of summer time repeats, or that its beginning
+        # leaves out.
         early, late = (_of_quarters(self.zone, quarters.tolist(), fold)[inverse] for fold in (0, 1))
         twice = early > late
         if twice.any():
@@ -64,6 +68,7 @@ class LocalTime:
         else:
             second = twice
             offsets[good] = early
+        # The hour may go on in the next part of the file.
         latest = int(times[-1])
         before = int(times[-2]) if len(times) > 1 else self.state.latest
         self.state = LocalState(latest, before, bool(twice[-1]), bool(second[-1]))

@@ -1,4 +1,10 @@
-"""The texts and numbers of a file that mark a missing value."""
+"""The texts and numbers of a file that mark a missing value.
+
+`MISSING` are texts that also mean "no record"; `NO_VALUE` adds what loggers and instruments write for an
+invalid reading; `NO_NUMBER` are numbers beyond any measurement, which are none in any column. Numbers
+that could be readings, such as −9999, are in `rigctl.dataset.importing.cells.sentinels`, as their column
+decides.
+"""
 
 from __future__ import annotations
 

@@ -58,6 +58,7 @@ class Thousands:
                 elif self._three.fullmatch(cell):
                     self._threes.setdefault(index, (line, cell))
                 elif self._decimal.fullmatch(cell) and len(cell.strip("+-")) > 1:
+                    # A single number that cannot be thousands shows what the sign is, in the whole file.
                     self.settled = True
                     return
                 else:
@@ -97,6 +98,8 @@ def comma_remark(cell: str) -> str:
 
 def find_decimal(cells: Sequence[str]) -> tuple[str, bool]:
     """Return the decimal sign of some numbers, and whether it may be a thousands separator (``1,234``)."""
+    # By majority: a few texts that look like numbers must not decide. Numbers without either sign say
+    # nothing.
     points = sum(_POINT.fullmatch(cell) is not None for cell in cells)
     commas = [cell for cell in cells if _COMMA.fullmatch(cell)]
     if len(commas) <= points:
@@ -120,16 +123,20 @@ def read_number(
     """
     if cell in missing:
         return math.nan
+    # 1. Thousands separated by the other sign: only if the user has stated the decimal one.
     other = "." if decimal == "," else ","
     if stated and _THOUSANDS[other].fullmatch(cell):
         cell = cell.replace(other, "")
+    # 2. Thousands with a decimal sign after them: 1.234,5 can mean one thing only.
     grouped = _GROUPED.fullmatch(cell)
     if grouped and cell.count(decimal) == 1 and cell.rfind(decimal) > cell.rfind(grouped[1]):
         cell = cell.replace(grouped[1], "")
+    # 3. Groups of three with blanks or apostrophes.
     elif _SPACED.fullmatch(cell):
         if fractions and not stated:
             return None
         cell = re.sub(r"['\u00a0\u2009\u202f ]", "", cell)
+    # 4. The other decimal sign: refused.
     elif other in cell:
         return None
     plain = cell.replace(decimal, ".", 1)

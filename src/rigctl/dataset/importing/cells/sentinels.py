@@ -1,4 +1,10 @@
-"""Numbers by which loggers mark a missing value: -9999, 32767 and the like, where they cannot be readings."""
+"""Numbers by which loggers mark a missing value: -9999, 32767 and the like, where they cannot be readings.
+
+They may also be readings, so that the whole column is looked at before one of them is taken for a mark:
+`Sentinels` collects during a first pass, and only a second pass leaves them out
+(`rigctl.dataset.importing.stages`). A mark is one if it is far from every other value of its column, or
+in a column of times, if it is negative and no other time is. The user has the last word: `--missing`.
+"""
 
 from __future__ import annotations
 
@@ -48,6 +54,8 @@ class Sentinels:
         for index in self.columns:
             values = part.columns[index]
             present = values[np.isfinite(values) & ~np.isin(values, NO_NUMBER)]
+            # All that is kept of a column: how often each mark occurs, and the number and the size of the
+            # other values.
             marked = np.isin(present, MARKS)
             counts = self._counts.setdefault(index, {})
             for mark, count in zip(*np.unique(present[marked], return_counts=True), strict=True):

@@ -1,7 +1,14 @@
 """Times in the formats of loggers: dates and times of day, seconds since an epoch, elapsed times.
 
-Absolute times are converted to integer nanoseconds since 1970-01-01 UTC first, and then to seconds since the
-first sample, so that no digit is lost.
+In: the texts, or numbers, of a time column. Out: seconds since the first sample, and where the times are
+absolute, that sample's instant. Absolute times are converted to integer nanoseconds since 1970-01-01 UTC
+first, and then to seconds since the first sample, so that no digit is lost.
+
+A `TimeFormat` is found once, from the first rows (`find_format`), and then holds for the whole file: a
+cell of another form is a fault of its row. The kinds are tried in the order in which they exclude each
+other: numbers (elapsed, or a count since an epoch by its size and unit), a time of day, a date. Where two
+readings are possible and would differ, as day and month, or hours and minutes, the user is asked; nothing
+is guessed.
 """
 
 from __future__ import annotations
@@ -155,6 +162,7 @@ class TimeReader:
         known = seconds[good]
         if not len(known):
             return seconds
+        # The last time of the previous part comes first, so that a midnight between two parts is seen.
         steps = np.diff(known, prepend=self._latest if self._latest >= 0.0 else known[0])
         days = self._days + np.cumsum(steps < -_MIDNIGHT)
         self._latest, self._days = float(known[-1]), float(days[-1])
@@ -218,6 +226,7 @@ def _nanoseconds(
     if epoch is None:
         return np.where(absent, 0, values.astype("datetime64[ns]").astype(np.int64))
     scale, offset = epoch
+    # Whole and fractional part separately: a count of nanoseconds has more digits than a float.
     present = np.where(absent, 0, values)
     integers = np.floor(present).astype(np.int64)
     behind = np.round((present - integers).astype(np.float64) * scale).astype(np.int64)
@@ -235,12 +244,15 @@ def find_format(
         the format is ambiguous or unknown.
     """
     present = [cell.strip() for cell in cells if cell.strip()]
+    # 1. Most cells are numbers: a few texts among them are faults of their rows, not another format.
     numbers = [cell for cell in present if _NUMBER.fullmatch(cell.replace(",", ".", 1))]
     if not present or 2 * len(numbers) > len(present):
         return _number_format(numbers, unit)
     zone = checked_zone(options.zone)
+    # 2. A time of day, which no date looks like.
     if any(re.match(_CLOCK, cell) for cell in present):
         return _clock_format(present, unit, where)
+    # 3. Dates, with separators or without.
     dated = [cell for cell in present if re.match(_DATE, cell) or re.match(_COMPACT, cell)]
     if not dated and numbers:
         return _number_format(numbers, unit)
@@ -281,6 +293,8 @@ def epoch_of(values: Sequence[float], unit: str | None) -> tuple[str, int, int] 
         return None
     low, high = min(values), max(values)
     length = None if unit is None else _length_of(unit)
+    # By size: the ranges of the table do not overlap, so that the first that fits is the only one. Elapsed
+    # times are smaller than any of them, unless they are in a unit that makes them years.
     for name, scale, offset, least, most in _EPOCHS:
         fits = name != "day" if unit is None else length == scale
         if least <= low and high <= most and fits:
@@ -306,6 +320,7 @@ def _number_format(cells: Sequence[str], unit: str | None) -> TimeFormat:
 
 
 def _clock_format(cells: Sequence[str], unit: str | None, where: Location) -> TimeFormat:
+    # Two colons, or am and pm: hours, minutes, seconds. One colon alone may be h:min or min:s.
     unambiguous = [cell for cell in cells if cell.count(":") >= 2 or "m" in cell.casefold()]
     minutes = _CLOCK_UNITS.get((unit or "").casefold().replace(" ", "")) is not None
     fraction = any("." in cell or "," in cell for cell in cells)
@@ -333,10 +348,12 @@ def _date_order(cells: Sequence[str], wanted: DateOrder | None, where: Location)
         the dates are ambiguous.
     """
     split = [match for cell in cells if (match := _PARTS.match(cell))]
+    # A year of four digits comes first only in ISO order, whatever the separator.
     if not split or len(split[0][1]) == 4:
         return "ymd"
     if any(not match[3].isdigit() for match in split):
         return "dmy"  # 21-Mar-2026
+    # A number above 12 is no month. It need not be in the first row: all sampled dates count.
     first, second = (max(int(match[group]) for match in split) for group in (1, 3))
     certain = "dmy" if first > 12 >= second else "mdy" if second > 12 >= first else None
     option = {"day-first": "dmy", "month-first": "mdy"}.get(wanted or "")
@@ -347,6 +364,7 @@ def _date_order(cells: Sequence[str], wanted: DateOrder | None, where: Location)
             expected="--dates " + ("day-first" if certain == "dmy" else "month-first"),
             where=where,
         )
+    # What the user says; then what the numbers show; then the point, which no month-first country writes.
     order = option or certain or ("dmy" if split[0][2] == "." else None)
     if order is None or wanted == "iso":
         day, month = split[0][1], split[0][3]
@@ -459,6 +477,7 @@ def _dates(
     import pyarrow as pa
     import pyarrow.compute as pc
 
+    # The usual case first, all at once. One cell that Arrow does not read sends the whole part the slow way.
     if form.order == "ymd" and form.naive and form.zone is None:
         try:  # proper ISO: twenty times as fast
             quick = texts.cast(pa.timestamp("ns"))
@@ -468,6 +487,7 @@ def _dates(
             pass
     names = "abchmsfpz"
     part = _groups(texts, _DATE, names)
+    # A file may have both forms; the second pattern is tried only for what the first has left.
     if not part["matched"].all():
         compact = _groups(texts, _COMPACT, names)
         if compact["matched"].any():
@@ -480,9 +500,11 @@ def _dates(
     days, good = _days(_whole(year), _months(month), _whole(day))
     hours = _half_day(_whole(part["h"]), part["p"])
     minutes, seconds = _whole(part["m"]), _whole(part["s"])
+    # A leap second is written as :60.
     good &= part["matched"] & (hours < 24) & (minutes < 60) & (seconds <= 60)
     since = days * 86400 + hours * 3600 + minutes * 60 + seconds
     shift, named = _offsets(part["z"])
+    # An offset in the text counts before the zone of the file.
     if not named.all():
         shift = np.where(named, shift, local.offsets(since, good & ~named))
     return (since - shift) * _SECOND + _fraction(part["f"]), good

@@ -4,6 +4,11 @@ Cells are separated by comma, semicolon, tab, bar or spaces; the decimal sign is
 encoding is UTF-8, UTF-16 or one of Windows; files named ``.gz`` are compressed with gzip. Lines before the
 heading that begin with ``#`` are comments. An empty cell, ``nan``, ``---`` and the marks of instruments are
 missing values.
+
+A piece of some MiB is read at once by Arrow where every row is plain (`_read_fast`), which is many times
+faster; if a single one is not, the whole piece is read row by row
+(`rigctl.dataset.importing.formats.csv_rows`), which alone knows what is wrong with which row. Both must
+give the same numbers for what both can read.
 """
 
 from __future__ import annotations
@@ -110,6 +115,7 @@ class CsvFile:
         import pyarrow as pa
 
         body = piece.rstrip(b"\r\n")
+        # What Arrow would read otherwise than `read_rows` is left to that.
         if not body or body.startswith(b"#") or b"\n#" in body:  # a comment, or a mark such as #N/A
             return None
         if body.count(b'"', body.rfind(b"\n") + 1) % 2:  # the file may be cut off within a cell
@@ -123,6 +129,8 @@ class CsvFile:
         except (pa.ArrowInvalid, pa.ArrowKeyError):
             return None
         columns = {index: table[str(index)].to_numpy() for index in numbers}
+        # A row more or less than lines: a quoted line end, or a blank line, so that line numbers would be
+        # wrong.
         if len(table) != body.count(b"\n") + 1 or any(np.isinf(column).any() for column in columns.values()):
             return None
         labels = None if record is None else labels_of_dictionary(table[f"record {record}"])
@@ -137,6 +145,7 @@ class CsvFile:
 
         columns = [table[f"time {index}"] for index in self.cells.time]
         written = columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " ")
+        # The clock has gone on to the end of the part; it is set back before the rows are read one by one.
         before = clock.state
         seconds, wrong = clock.read(pc.fill_null(written, "").combine_chunks())
         if wrong.any():
@@ -192,12 +201,14 @@ def open_csv(path: Path, options: Options) -> CsvFile:
     RigctlError
         the file cannot be read, has no heading, or its times are ambiguous.
     """
+    # 1. Bytes to text. 2. The form of the table.
     form = find_form(path, options.encoding)
     head, complete = _head(path, form)
     dialect = find_dialect(path, head, options, complete=complete)
     remarks = list(dialect.remarks)
     if form.guessed:
         remarks.append("the file is not UTF-8; it is read as Windows-1252 (--encoding says otherwise)")
+    # 3. The time, which may be two columns, or a text.
     headings, indices, time = _find_time(path, dialect, options)
     origin = None
     if time is not None and time.absolute:
@@ -212,6 +223,7 @@ def open_csv(path: Path, options: Options) -> CsvFile:
         dialect.delimiter, dialect.decimal, missing, indices, stated, dialect.repeats, dialect.fractions
     )
     file = CsvFile(path, headings, cells, form, dialect.lines, time, origin, tuple(remarks))
+    # 4. What the decimal sign may mean, from all rows: 1.011 below 978 may be a thousand.
     if stated or _decimal_sign_is_clear(file, dialect, options, complete=complete):
         return file
     doubt = f"'{dialect.decimal}' is taken for the decimal sign (--decimal says otherwise)"
@@ -232,6 +244,7 @@ def _decimal_sign_is_clear(file: CsvFile, dialect: Dialect, options: Options, *,
     for row in dialect.sample:
         cells = {index: [row.cells[index].strip()] for index in used if index < len(row.cells)}
         check.take(cells, [row.line])
+    # The first rows did not settle it, and are not all: the others may.
     if not check.settled and not (complete and len(dialect.sample) < SAMPLE_ROWS):
         check = Thousands(dialect.decimal)
         for cells, lines in file.cell_texts(used):

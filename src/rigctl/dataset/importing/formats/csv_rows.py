@@ -1,4 +1,9 @@
-"""Reads the rows of a CSV file one by one: slower, but reports the fault of each."""
+"""Reads the rows of a CSV file one by one: slower, but reports the fault of each.
+
+In: a piece of text, and how to divide and read its cells. Out: a `RowBlock` of the rows that are good,
+and a fault for each that is not, with its line. A row that repeats the names above the table is skipped;
+one that is another heading ends the import, as what follows it would be read under the wrong names.
+"""
 
 from __future__ import annotations
 
@@ -135,6 +140,7 @@ def split_rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, lis
         shown += "\n"  # which is in the last cell if its quote is not closed, as in a file that was cut off
     reader = csv.reader(io.StringIO(shown, newline=""), delimiter=delimiter)
     while True:
+        # Before the row is read: a quoted cell may span several lines, and the row is named by its first.
         line = first + reader.line_num
         try:
             cells = next(reader)

@@ -1,4 +1,11 @@
-"""Detects the form of a table in a text file: delimiter, heading and decimal sign."""
+"""Detects the form of a table in a text file: delimiter, heading and decimal sign.
+
+In: the first part of the text, and what the user has stated. Out: a `Dialect`, with which the whole file
+is read. The order: the delimiter, since without cells there is no heading; the heading, since without it
+nobody knows where the values begin; the units below it; the decimal sign, from the values alone. What the
+user has stated is never looked for. What remains doubtful becomes a remark, or a refusal where a wrong
+guess would change numbers (docs/decisions/0037-file-ambiguities-are-put-to-the-user.md).
+"""
 
 from __future__ import annotations
 
@@ -97,6 +104,7 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
         there is no heading, or a column has no name.
     """
     text = _BARE_RETURN.sub(" ", head)
+    # 1. The delimiter: the one by which most rows have the same number of cells.
     best = _divide(text, options, complete=complete)
     if best is None:
         raise RigctlError(
@@ -108,6 +116,7 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
     require_few_columns(path, max(len(row.cells) for row in rows), rows[index].line)
     remarks: list[str] = []
     try:
+        # 2. The heading: the stated line, or the row of names above the first values.
         layout = _layout(text, delimiter, rows, index, options.heading)
     except RigctlError as problem:
         raise problem.at(Location(path, problem.where.line)) from None
@@ -118,6 +127,7 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
         lines_before = "1 line" if len(before) == 1 else f"{len(before)} lines"
         verb = "is" if len(before) == 1 else "are"
         remarks.append(f"{lines_before} before the heading, on line {layout.line}, {verb} left out")
+    # 3. Units, if they are in a row of their own.
     units, sample = list(layout.units), rows[layout.first :]
     if not units and layout.line and sample and (units := unit_row(layout.cells, sample[0])):
         sample = sample[1:]
@@ -125,11 +135,13 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
     lines = rows[start - 1].last if start else (sample[0].line - 1 if sample else 0)
     lines = max(lines, layout.line)
     headings = _numbered(_headings(path, text, delimiter, layout, units, sample), options)
+    # 4. The decimal sign. The whole file is examined later for what these rows cannot tell, see `open_csv`.
     numbers = [cell.strip() for row in sample for cell in row.cells]
     decimal, doubtful = (options.decimal, False) if options.decimal else find_decimal(numbers)
     if doubtful:
         shown = next((cell for cell in numbers if "," in cell), "1,5")
         remarks.append(comma_remark(shown))
+    # A logger that starts again writes its names again, in the middle of the file.
     repeats = frozenset(
         stripped(row.cells) for row in rows[:start] if len(row.filled) > 1 and not is_data(row)
     )
@@ -245,9 +257,11 @@ def _divide(text: str, options: Options, *, complete: bool) -> tuple[str, list[L
             continue
         counts = Counter(len(row.cells) for row in rows)
         usual = max(counts, key=lambda size: (counts[size] * (size > 1), size))
+        # A delimiter that leaves one cell in each row has divided nothing.
         share = counts[usual] / len(rows) if usual > 1 or delimiter_option else 0.0
         if delimiter == " " and best is not None and (best[0] > 0.0 or share < _MOST_ROWS):
             break  # spaces are delimiters only if no other one fits and most rows agree
+        # An earlier one, less likely within a cell, gives way only to one that fits clearly better.
         if best is None or share > best[0] + 0.25:
             first = next((index for index, row in enumerate(rows) if len(row.cells) == usual), 0)
             best = (share, delimiter, rows, first if share else 0)

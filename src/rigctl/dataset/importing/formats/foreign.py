@@ -3,6 +3,10 @@
 They are large, partly native libraries, which a damaged file can crash, send into an endless loop or make
 allocate any amount of memory. In a separate process with limits this does no harm. The data are returned as
 Arrow files in a temporary folder.
+
+The module runs on both sides: `open_in_process` and `_opened` in the calling process, `read` in that of the
+reader. In between are a task as JSON on stdin, an exit status, and a folder with the data: nothing that is
+unpickled, and thus executed, ever comes back. The folder lives as long as the returned file does.
 """
 
 from __future__ import annotations
@@ -110,6 +114,7 @@ def _carry_out(task: Mapping[str, Any], path: Path) -> None:
         code = _start(task)
     except subprocess.TimeoutExpired as problem:
         raise _too_long(path, task["seconds"]) from problem
+    # The facts are written last: a reader that ended without them has not ended well, whatever its status.
     if code == 0 and (Path(task["folder"]) / _FACTS).exists():
         return
     over = (-getattr(signal, "SIGXCPU", 0), -getattr(signal, "SIGKILL", 0)) if os.name == "posix" else ()

@@ -1,7 +1,10 @@
 """Files with groups of columns: each group is a record, unless the file says otherwise.
 
 These are the groups of a LabVIEW file, the channel groups of an MDF file, and the structures of a MATLAB
-file.
+file. Their readers make `Group`s of them; what is common to all is here: which groups are used, whether
+they are records or parts of one measurement, one list of headings for all of them, and absolute times.
+
+Values are read when they are asked for, in parts, so that a file may be larger than memory.
 """
 
 from __future__ import annotations
@@ -187,6 +190,8 @@ def open_groups(
     with reading() as all_groups:
         names = ((column.name, column.unit) for group in all_groups for column in group.columns)
         options = with_time_column(names, options)
+        # The order: groups without samples are left out first, so that they do not decide whether the others
+        # are alike.
         groups, remarks = _with_time(all_groups, options, noun)
         if not groups:
             raise RigctlError("the file has no data", where=Location(path))
@@ -208,6 +213,7 @@ def _find_clock(
         return headings, None
     heading = headings[index]
     columns = [(group.rows, column) for group in groups if (column := group.column(heading.name))]
+    # The first and the last time of each group are enough to tell a count since an epoch from elapsed time.
     ends = [column.read(at, at + 1) for rows, column in columns for at in (0, rows - 1)]
     clock = array_clock(ends, options.unit_of(heading.name) or heading.unit)
     if clock is None:

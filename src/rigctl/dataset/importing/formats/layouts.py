@@ -105,16 +105,20 @@ def _labview(rows: Sequence[LayoutRow]) -> Layout | None:
 
 def _above_values(rows: Sequence[LayoutRow], index: int) -> Layout | None:
     """The last row of names above the first rows of values; a name that it lacks is in the row above."""
+    # The values are found first: above them there may be any number of notes and settings, some of which look
+    # like names.
     first = next((at for at in range(index, len(rows)) if _begins_values(rows, at)), None)
     if first is None:
         return None
     names = [at for at in range(index, first) if is_names(rows[at])]
+    # The names must stand directly above the values; otherwise it is decided by the width of the rows.
     if not names or names[-1] != first - 1:
         return None
     if first - 2 >= index and first - 2 not in names and _names_above_units(rows[first - 2], rows[first - 1]):
         names[-1:] = [first - 2, first - 1]
     units: Sequence[str | None] = ()
     at = names[-1]
+    # The row above the values may be the units, and the names one row higher.
     if at - 1 in names and (found := unit_row(rows[at - 1].cells, rows[at])):
         units, at = found, at - 1
         while at - 1 in names and repeats_units(rows[at], rows[at + 1]):

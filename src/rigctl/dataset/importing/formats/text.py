@@ -1,4 +1,10 @@
-"""Reads the lines of a text file as UTF-8, for any encoding and line ends, in parts."""
+"""Reads the lines of a text file as UTF-8, for any encoding and line ends, in parts.
+
+In: a file, perhaps compressed, in any encoding. Out: its lines, or pieces of some MiB that end with a
+line, as UTF-8 with line feeds, for readers that know nothing else. What is UTF-8 already passes through
+unchanged. Lengths are bounded: of a line, of blank stretches, and of what is held in memory, since a file
+may be anything.
+"""
 
 from __future__ import annotations
 
@@ -61,6 +67,7 @@ def find_form(path: Path, encoding: str | None) -> TextForm:
     """
     with opened(path) as file:
         head = file.read(HEAD)
+    # The order of `_MARKS` matters: the mark of UTF-16-LE is the beginning of that of UTF-32-LE.
     mark, marked = next(((len(mark), name) for mark, name in _MARKS if head.startswith(mark)), (0, None))
     option = _checked(encoding, path) if encoding else None
     # a mark gives the byte order, which 'utf-16' does not
@@ -98,6 +105,7 @@ def _checked(encoding: str, path: Path) -> str:
 
 def _without_mark(head: bytes) -> str:
     """Guess UTF-8 if the bytes are valid; UTF-16 if every other one is zero; else the Windows encoding."""
+    # Before UTF-8, which would accept zero bytes: Latin text in UTF-16 has one in every pair.
     even, odd = head[0::2].count(0), head[1::2].count(0)
     if 4 * (even + odd) > len(head) > 1:
         return "utf-16-le" if odd > even else "utf-16-be"
