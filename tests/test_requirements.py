@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.cli.commands.doctor import _EXTRAS
+from rigctl.cli.commands.doctor.doctor import _EXTRAS
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -25,7 +25,7 @@ def worded(result: object, how: str) -> str:
     Results are worded above the rooms that compute them. A method that a user calls opens that room from
     outside, as ``import rigctl`` opens all.
     """
-    module, _, function = how.partition(".")
+    module, _, function = how.rpartition(".")
     text: str = getattr(import_module(f"rigctl.answers.{module}"), function)(result)
     return text
 

@@ -25,7 +25,7 @@ from rigctl.analysis.search.reasons import reasons_against
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.search import Search
-from rigctl.answers.verdict import worded
+from rigctl.answers.findings.verdict import worded
 from rigctl.effects.registry import library
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult

@@ -33,7 +33,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.improve import Improvement, ImprovementEnd, improve
 from rigctl.analysis.linear.pair_gains import pair_gains
 from rigctl.analysis.search.search import Search
-from rigctl.answers.evidence import sentence
+from rigctl.answers.findings.evidence import sentence
 from rigctl.errors import RigctlError
 from rigctl.model.load import load_model
 

@@ -30,7 +30,7 @@ from rigctl.analysis.search.reasons import OnlyEdgesSearched
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.rivals import Rival
 from rigctl.analysis.search.search import Search
-from rigctl.answers import evidence as in_words
+from rigctl.answers.findings import evidence as in_words
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import library
 from rigctl.physics.families import find_family

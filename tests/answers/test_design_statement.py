@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rigctl.answers.design_statement import statement
+from rigctl.answers.design.statement import statement
 from rigctl.design.result import DesignResult, DesignRival, Explanation, PredictedPower, ProposedRecord
 
 

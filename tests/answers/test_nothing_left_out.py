@@ -21,7 +21,7 @@ from rigctl.analysis.search.judgement import Judgement
 from rigctl.analysis.single_values.findings import SettingOffsets
 from rigctl.answers.blocks import Answer
 from rigctl.answers.comparison import comparison_answer, numbers
-from rigctl.answers.design import rival_tables
+from rigctl.answers.design.design import rival_tables
 from rigctl.answers.diagnosis import diagnosis_answer, whole_diagnosis
 from rigctl.cli.blocks import show, show_answer
 from rigctl.report.analysis.comparison import comparison_sections

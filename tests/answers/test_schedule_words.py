@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from rigctl.answers.schedule import check_text, end_text, notes, statement
+from rigctl.answers.schedule.schedule import check_text, end_text, notes, statement
 from rigctl.compensation.check import Check
 from rigctl.compensation.paired_test import Verdict
 from rigctl.compensation.result import CompensationRow, RangeEnd, Schedule

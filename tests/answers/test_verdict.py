@@ -22,11 +22,11 @@ from rigctl.analysis.search.reasons import NotPredicted, UndeterminedSize, Unusu
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.rivals import Differs, Rival, where_they_differ
-from rigctl.answers.evidence import rival_text, sentence
+from rigctl.answers.findings.evidence import rival_text, sentence
+from rigctl.answers.findings.reasons import reason_text
+from rigctl.answers.findings.verdict import effect_text, worded
+from rigctl.answers.findings.verdict import statement as verdict_statement
 from rigctl.answers.improvement import refusal_text
-from rigctl.answers.reasons import reason_text
-from rigctl.answers.verdict import effect_text, worded
-from rigctl.answers.verdict import statement as verdict_statement
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import MeasuredRecord, Measurements

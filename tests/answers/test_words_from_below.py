@@ -10,7 +10,7 @@ import rigctl
 from rigctl.answers import documents
 
 SOURCE = Path(rigctl.__file__).parent
-ASKED = r"\bworded\([^\"]*\"(\w+)\.(\w+)\"\)"
+ASKED = r"\bworded\([^\"]*\"([\w.]+)\.(\w+)\"\)"
 DOCUMENTED = r"\bdocumented\(\w+, \"(\w+)\"\)"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rigctl.answers.work_sheet import work_sheet
+from rigctl.answers.design.work_sheet import work_sheet
 from rigctl.design.result import DesignResult, DesignRival, PredictedPower, ProposedRecord
 
 

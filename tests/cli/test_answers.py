@@ -17,7 +17,7 @@ from rigctl.answers.blocks import Answer
 from rigctl.answers.comparison import place_in_words
 from rigctl.answers.diagnosis import _certain, _fits, _weighed, sentence_of
 from rigctl.answers.improvement import _not_distinguished
-from rigctl.answers.model_errors import error_bars
+from rigctl.answers.model.errors import error_bars
 from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.progress import _thinned, progress_display
 from rigctl.errors import RigctlError

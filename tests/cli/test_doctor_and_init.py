@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from rigctl.cli.commands import doctor
+from rigctl.cli.commands.doctor import doctor
 from rigctl.cli.main import app
 from rigctl.errors import RigctlError
 from systems import listed_ports, own_state

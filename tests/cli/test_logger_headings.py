@@ -11,7 +11,7 @@ import pytest
 
 from commands import answer, refusal, told
 from logger_headings import LOGS, ROWS, STEP
-from rigctl.cli.commands.first_fit import FirstFit
+from rigctl.cli.commands.family.first_fit import FirstFit
 from rigctl.dataset import open_run
 from rigctl.units import parse_unit
 
@@ -42,7 +42,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def without_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first fit is the same for all headings, and is left out."""
     monkeypatch.setattr(
-        "rigctl.cli.commands.first_fit.first_fit", lambda *_, **__: FirstFit(None, problem="left out")
+        "rigctl.cli.commands.family.first_fit.first_fit", lambda *_, **__: FirstFit(None, problem="left out")
     )
 
 

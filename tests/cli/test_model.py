@@ -9,7 +9,7 @@ import pytest
 
 import commands
 from commands import MODEL
-from rigctl.answers.model_change import fitted_values
+from rigctl.answers.model.change import fitted_values
 from rigctl.cli.commands.init import create_project
 from rigctl.errors import RigctlError
 from rigctl.model import Change, ModelError, load_model, save_version

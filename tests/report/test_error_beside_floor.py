@@ -12,7 +12,7 @@ import pytest
 from commands import answer, told
 from made_fit import made_fit, made_noise
 from rigctl.answers.errors import error_text
-from rigctl.answers.systematic_error import falls, left_of_fit
+from rigctl.answers.findings.systematic_error import falls, left_of_fit
 from rigctl.noise import NoiseModel
 
 FLOOR = 0.02

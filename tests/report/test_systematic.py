@@ -17,7 +17,7 @@ from made_fit import RECORDS, UNITS, made_fit, made_noise
 from rigctl.analysis.diagnosis_result import FoundParameter
 from rigctl.answers.errors import error_text
 from rigctl.answers.everyday_units import everyday
-from rigctl.answers.systematic_error import falls, left_of_fit
+from rigctl.answers.findings.systematic_error import falls, left_of_fit
 from rigctl.model import load_model
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult

@@ -192,7 +192,7 @@ class ModelComparison:
     @property
     def statement(self) -> str:
         """The result in one plain sentence."""
-        return worded(self, "agreement.statement")
+        return worded(self, "findings.agreement.statement")
 
     @property
     def sensors(self) -> SensorBudget | None:

@@ -2,7 +2,7 @@
 
 In: the verdict's outcome, the best set, its rivals and what it leaves. Out: a `Conclusion`. The verdict alone
 does not say it: the same one is reached in several ways, each of which is a type here, so that whoever words
-it (`rigctl.answers.verdict`) needs no number again. Nothing here decides a verdict.
+it (`rigctl.answers.findings.verdict`) needs no number again. Nothing here decides a verdict.
 """
 
 from __future__ import annotations

@@ -259,7 +259,7 @@ class Diagnosis:
     @property
     def statement(self) -> str:
         """The verdict in words."""
-        return worded(self, "verdict.statement")
+        return worded(self, "findings.verdict.statement")
 
     @property
     def slot(self) -> str:
@@ -292,7 +292,7 @@ class Diagnosis:
     @property
     def title(self) -> str:
         """The verdict as a short title."""
-        return worded(self, "verdict.title")
+        return worded(self, "findings.verdict.title")
 
     @property
     def further_evidence(self) -> tuple[Evidence, ...]:

@@ -1,4 +1,4 @@
-"""A piece of evidence for or against a verdict, as values: `rigctl.answers.evidence` words it."""
+"""A piece of evidence for or against a verdict, as values: `rigctl.answers.findings.evidence` words it."""
 
 from __future__ import annotations
 

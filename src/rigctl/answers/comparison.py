@@ -10,8 +10,6 @@ from typing import Any
 from rigctl.analysis.agreement.localisation import Place
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, SLOT_SEPARABLE
-from rigctl.answers import table_findings
-from rigctl.answers.agreement import prior_text, record_level_text
 from rigctl.answers.blocks import (
     Answer,
     Bar,
@@ -27,12 +25,14 @@ from rigctl.answers.blocks import (
     counted,
     nonempty,
 )
-from rigctl.answers.decided_by import decisions
 from rigctl.answers.errors import error_text, fit_text, held_out_text, in_brief, noise_known_from, pattern_of
+from rigctl.answers.findings import tables as table_findings
+from rigctl.answers.findings.agreement import prior_text, record_level_text
+from rigctl.answers.findings.decided_by import decisions
+from rigctl.answers.findings.systematic_error import falls, left_of
 from rigctl.answers.free_model import contradiction, free_model_bars, free_model_text
 from rigctl.answers.notes import all_notes, routine, unusual
 from rigctl.answers.numbers import resolved
-from rigctl.answers.systematic_error import falls, left_of
 from rigctl.answers.trends import trend_text
 from rigctl.answers.value_table import value_tables
 from rigctl.model.validity import Departure

@@ -11,7 +11,6 @@ from rigctl.analysis.bootstrap import LEVEL, Bootstrap
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.laws.answer import LawAnswer
-from rigctl.answers import table_findings
 from rigctl.answers.blocks import (
     Answer,
     Block,
@@ -32,17 +31,18 @@ from rigctl.answers.comparison import (
     further_findings,
     place_in_words,
 )
-from rigctl.answers.decided_by import decisions
 from rigctl.answers.errors import error_text, fit_text, in_brief, pattern_of
 from rigctl.answers.everyday_units import everyday
-from rigctl.answers.evidence import certain, points, sentence, would_be_missing
+from rigctl.answers.findings import tables as table_findings
+from rigctl.answers.findings.decided_by import decisions
+from rigctl.answers.findings.evidence import certain, points, sentence, would_be_missing
+from rigctl.answers.findings.laws import law_text
+from rigctl.answers.findings.reasons import remainder_text
+from rigctl.answers.findings.sensor_errors import explanation
+from rigctl.answers.findings.systematic_error import falls, left_of, lefts_of_diagnosis
+from rigctl.answers.findings.verdict import doubt_text, opening, parameters_text, statement
 from rigctl.answers.free_model import contradiction, free_model_text
-from rigctl.answers.laws import law_text
 from rigctl.answers.notes import all_notes, routine, unusual
-from rigctl.answers.reasons import remainder_text
-from rigctl.answers.sensor_errors import explanation
-from rigctl.answers.systematic_error import falls, left_of, lefts_of_diagnosis
-from rigctl.answers.verdict import doubt_text, opening, parameters_text, statement
 from rigctl.effects.registry import library
 from rigctl.model.fit.fit import FitResult
 from rigctl.units import known_digits, parse_unit, significant

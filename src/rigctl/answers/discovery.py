@@ -19,8 +19,8 @@ from rigctl.answers.blocks import (
     Table,
     counted,
 )
+from rigctl.answers.findings.verdict import doubt_text as doubtful
 from rigctl.answers.notes import all_notes
-from rigctl.answers.verdict import doubt_text as doubtful
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.dimensions import Tier
 from rigctl.discovery.gate import Gate

@@ -10,15 +10,17 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.improve import Improvement
-from rigctl.answers import agreement, design_statement, table_findings
 from rigctl.answers import improvement as improved
-from rigctl.answers import schedule as schedules
 from rigctl.answers import survey as survey_words
-from rigctl.answers.decided_by import decisions
+from rigctl.answers.design import statement as design_statement
 from rigctl.answers.discovery import gate_statement, notes
-from rigctl.answers.evidence import sentence
-from rigctl.answers.schedule_check import check_procedure
-from rigctl.answers.verdict import doubt_text, statement
+from rigctl.answers.findings import agreement
+from rigctl.answers.findings import tables as table_findings
+from rigctl.answers.findings.decided_by import decisions
+from rigctl.answers.findings.evidence import sentence
+from rigctl.answers.findings.verdict import doubt_text, statement
+from rigctl.answers.schedule import schedule as schedules
+from rigctl.answers.schedule.check import check_procedure
 from rigctl.compensation.result import Schedule, in_unit
 from rigctl.design.result import DesignResult, ProposedRecord
 from rigctl.discovery.result import Discovery

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.answers.findings.systematic_error import ChannelFall
 from rigctl.answers.numbers import plural
-from rigctl.answers.systematic_error import ChannelFall
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import Source, Standing
 from rigctl.units import significant

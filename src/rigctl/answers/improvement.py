@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter
 from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.analysis.improve import Addition, Improvement, ImprovementEnd, NotImproved, Step
-from rigctl.answers import reasons, verdict
 from rigctl.answers.blocks import Answer, Block, Point, Points, Sentence, Tone, nonempty
 from rigctl.answers.comparison import departures
 from rigctl.answers.diagnosis import (
@@ -21,10 +20,11 @@ from rigctl.answers.diagnosis import (
 )
 from rigctl.answers.errors import error_text
 from rigctl.answers.everyday_units import everyday
-from rigctl.answers.evidence import points
+from rigctl.answers.findings import reasons, verdict
+from rigctl.answers.findings.evidence import points
+from rigctl.answers.findings.systematic_error import falls, left_of
 from rigctl.answers.held_out import sentences
-from rigctl.answers.model_errors import error_bars
-from rigctl.answers.systematic_error import falls, left_of
+from rigctl.answers.model.errors import error_bars
 from rigctl.model.fit.problem import Problem
 from rigctl.units import parse_unit
 

@@ -8,12 +8,12 @@ from typing import assert_never
 
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.answers.blocks import Answer, Bar, Bars, Block, Column, Next, Points, Sentence, Table, nonempty
-from rigctl.answers.design_statement import WITHOUT_EFFECT
+from rigctl.answers.design.statement import WITHOUT_EFFECT
 from rigctl.answers.errors import error_text, held_out_text
+from rigctl.answers.findings.systematic_error import falls
+from rigctl.answers.findings.verdict import doubt_text
 from rigctl.answers.improvement import sizes_in
 from rigctl.answers.numbers import MISSING, plural, probability
-from rigctl.answers.systematic_error import falls
-from rigctl.answers.verdict import doubt_text
 from rigctl.command_line import command
 from rigctl.design.refusals import NothingToSet
 from rigctl.design.result import NONE, DesignResult

@@ -92,7 +92,7 @@ def named_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any) -
         as `rigctl.analysis.fitting.fit_to_data`.
     """
     from rigctl.analysis.fitting import fit_to_data, read_runs
-    from rigctl.answers.systematic_error import left_of_fit
+    from rigctl.answers.findings.systematic_error import left_of_fit
     from rigctl.model.history.save import load_version
     from rigctl.model.history.store import current_version
     from rigctl.report.analysis.page_top import NamedModels

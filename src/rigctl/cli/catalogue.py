@@ -31,7 +31,7 @@ TOOLS = "Tools"
 ENTRIES = (
     Entry("demo", "demo:demo", START, "Run the main workflow on the simulated bench."),
     Entry("init", "init:init", START, "Create a working project folder."),
-    Entry("check", "check:check", START, "Validate a file; print a procedure's plan."),
+    Entry("check", "check.check:check", START, "Validate a file; print a procedure's plan."),
     Entry("simulate", "simulate:simulate", START, "Carry out a procedure on the simulated bench."),
     Entry("run", "run:run", BENCH, "Carry out a procedure on the bench."),
     Entry("resume", "resume:resume", BENCH, "Resume a run at its first incomplete record."),
@@ -58,8 +58,8 @@ ENTRIES = (
     Entry("learn", "learn:learn", PHYSICS, "Measure, add significant effects, design, repeat."),
     Entry("compensate", "compensate:compensate", PHYSICS, "Calculate and check a set-point schedule."),
     Entry("survey", "survey:survey", PHYSICS, "Find out what changed over many runs, and when."),
-    Entry("model", "model:app", PHYSICS, "Show a model and its versions, and change it."),
-    Entry("family", "family_new:app", PHYSICS, "Draft a family, rig and model from your own data."),
+    Entry("model", "model.model:app", PHYSICS, "Show a model and its versions, and change it."),
+    Entry("family", "family.new:app", PHYSICS, "Draft a family, rig and model from your own data."),
     Entry("effects", "effects:app", PHYSICS, "List, show and check effects, and your own."),
     Entry("emulate", "emulate:emulate", TOOLS, "Emulate the board's firmware and its serial port."),
     Entry(
@@ -70,7 +70,7 @@ ENTRIES = (
         "rigctl_validation",
     ),
     Entry("schema", "schema:schema", TOOLS, "Print the JSON Schema of a kind of file."),
-    Entry("doctor", "doctor:doctor", TOOLS, "Report what is installed and what is missing."),
+    Entry("doctor", "doctor.doctor:doctor", TOOLS, "Report what is installed and what is missing."),
 )
 
 BY_NAME = {entry.name: entry for entry in ENTRIES}

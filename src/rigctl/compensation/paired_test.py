@@ -62,7 +62,7 @@ class Verdict:
     @property
     def statement(self) -> str:
         """The verdict in words."""
-        return worded(self, "schedule.check_text")
+        return worded(self, "schedule.schedule.check_text")
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer; errors in the unit."""

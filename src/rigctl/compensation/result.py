@@ -115,7 +115,7 @@ class Schedule:
     @property
     def statement(self) -> str:
         """The schedule in words."""
-        return worded(self, "schedule.statement")
+        return worded(self, "schedule.schedule.statement")
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer; numbers in the stated units."""
@@ -138,7 +138,7 @@ class Schedule:
 
     def summary(self) -> str:
         """The schedule in a few lines."""
-        return worded(self, "schedule.summary")
+        return worded(self, "schedule.schedule.summary")
 
     def frame(self) -> pd.DataFrame:
         """One row for each operating point."""

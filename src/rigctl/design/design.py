@@ -339,7 +339,7 @@ class _Design:
         if isinstance(self.criterion, Discrimination):
             best = best_sensor(sensor_sets(self.criterion, self.equipment, self._so_far))
             if best is not None:
-                refused.hint = worded(best, "design_statement.repeats_with")
+                refused.hint = worded(best, "design.statement.repeats_with")
                 refused.sensors = best.channels if best.probability >= HALF else ()
         return refused
 

@@ -305,12 +305,12 @@ class DesignResult:
     @property
     def statement(self) -> str:
         """The answer in words."""
-        return worded(self, "design_statement.statement")
+        return worded(self, "design.statement.statement")
 
     @property
     def procedure(self) -> str:
         """The text of a procedure for `rigctl check` and `rigctl run`; "" without records."""
-        return worded(self, "design_statement.procedure")
+        return worded(self, "design.statement.procedure")
 
     @property
     def separates(self) -> tuple[tuple[str, str], ...]:
@@ -347,7 +347,7 @@ class DesignResult:
 
     def summary(self) -> str:
         """The records, and their predicted power, in a few lines."""
-        return worded(self, "design_statement.summary")
+        return worded(self, "design.statement.summary")
 
     def frame(self) -> pd.DataFrame:
         """The proposed records, one row for each."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from commands import answer, told
 from rigctl.analysis.agreement.record_level import RecordQuantity, record_level
-from rigctl.answers.agreement import prior_text
+from rigctl.answers.findings.agreement import prior_text
 from rigctl.cli.commands.init import create_project
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import fit

@@ -13,7 +13,7 @@ from rigctl.analysis.linear.linearisation import Linearisation, RecordTriangle
 from rigctl.analysis.linear.nuisance_projection import project
 from rigctl.analysis.linear.regions import Regions
 from rigctl.analysis.linear.size_scatter import size_scatter, with_scatter
-from rigctl.answers.reasons import scatter_text
+from rigctl.answers.findings.reasons import scatter_text
 from rigctl.engine.one_thread import one_thread
 from rigctl_validation.scenario import Scenario, Wanted
 from rigctl_validation.work import diagnose_scenario

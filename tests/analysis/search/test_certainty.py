@@ -17,7 +17,7 @@ from rigctl.analysis.search.certainty import FoundSet, certain_levels
 from rigctl.analysis.search.reasons import NotPredicted
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.analysis.search.search import Search
-from rigctl.answers.reasons import reason_text
+from rigctl.answers.findings.reasons import reason_text
 
 REMAINDER = Remainder(0.01, 20.0, 1e-6, "", "", "")
 NONE, LOCATION = (False, False, False), (True, False, False)

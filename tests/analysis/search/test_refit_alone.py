@@ -12,7 +12,7 @@ from rigctl.analysis.diagnosis_result import Exclusion
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.search.refit_alone import Alone, alone, at_amplitudes
 from rigctl.analysis.single_values.exclusions import exclusions, main_trend
-from rigctl.answers.table_findings import exclusion_text
+from rigctl.answers.findings.tables import exclusion_text
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import import_file
 from rigctl.files.shipped import shipped

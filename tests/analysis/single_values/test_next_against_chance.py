@@ -16,7 +16,7 @@ from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.linear.power import significant_size
 from rigctl.analysis.single_values import next_values as module
 from rigctl.analysis.single_values.next_values import FurtherPoint, Repeats, next_against_chance
-from rigctl.answers.table_findings import next_steps
+from rigctl.answers.findings.tables import next_steps
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import import_file
 from rigctl.files.shipped import shipped

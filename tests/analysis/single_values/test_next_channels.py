@@ -11,7 +11,7 @@ import pytest
 from rigctl.analysis.agreement.trends import Trend
 from rigctl.analysis.single_values import next_values as module
 from rigctl.analysis.single_values.next_values import next_channels
-from rigctl.answers.table_findings import next_steps
+from rigctl.answers.findings.tables import next_steps
 
 TREND = Trend("stroke", "oil", 293.15, 353.15, 0.1, 0.0, 9.0, "degC")
 CHANNELS = {"position": ("mm", 1e-4), "pressure_a": ("bar", 1e4)}

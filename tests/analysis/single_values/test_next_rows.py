@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rigctl.analysis.single_values.next_values import next_rows
-from rigctl.answers.table_findings import next_steps
+from rigctl.answers.findings.tables import next_steps
 from rigctl.model.measured.record import Measurements
 from rigctl.noise import ChannelNoise
 

@@ -12,7 +12,7 @@ from rigctl.analysis.linear.candidates import candidates
 from rigctl.analysis.linear.linearisation import Linearisation, linearise
 from rigctl.analysis.single_values.findings import end_left_out
 from rigctl.analysis.single_values.rows import TableRow, table_rows
-from rigctl.answers.table_findings import findings
+from rigctl.answers.findings.tables import findings
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import import_file
 from rigctl.files.shipped import shipped

@@ -120,7 +120,7 @@ class RecordQuantity:
     @property
     def statement(self) -> str:
         """What it is evidence of, in words; "" if it is ordinary variation."""
-        return worded(self, "agreement.record_level_text")
+        return worded(self, "findings.agreement.record_level_text")
 
     def document(self) -> dict[str, Any]:
         """Its summary in the machine-readable answer."""

@@ -75,7 +75,7 @@ class LawAnswer:
     @property
     def statement(self) -> str:
         """In words."""
-        return worded(self, "laws.law_text")
+        return worded(self, "findings.laws.law_text")
 
     @property
     def formula(self) -> str | None:

@@ -1,7 +1,7 @@
 """Why a set of effects may not be what is missing, besides its rivals: each reason is a type with its facts.
 
 In: the best set, its cross-validations and what it leaves. Out: `Reason`s, of which any makes a verdict at
-most `ambiguous`. `rigctl.answers.reasons` words them.
+most `ambiguous`. `rigctl.answers.findings.reasons` words them.
 """
 
 from __future__ import annotations

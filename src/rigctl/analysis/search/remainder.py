@@ -48,7 +48,7 @@ class Remainder:
     @property
     def statement(self) -> str:
         """In words."""
-        return worded(self, "reasons.remainder_text")
+        return worded(self, "findings.reasons.remainder_text")
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""

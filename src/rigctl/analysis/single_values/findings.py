@@ -1,8 +1,8 @@
 """What a table shows about a model: how far off it is and where, and what so few values can show.
 
 In: the linearisation, the tests and the rows of a fitted table. Out: `Finding`s, which
-`rigctl.answers.table_findings` words. Effects that would improve the fit, though not significantly, are among
-it: with a handful of values, what could not be found matters as much as what was.
+`rigctl.answers.findings.tables` words. Effects that would improve the fit, though not significantly, are
+among it: with a handful of values, what could not be found matters as much as what was.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ def compensate(
     from rigctl.cli.progress import progress_display
 
     with progress_display("Reading the records", "nothing was saved") as on_progress:
-        from rigctl.answers.schedule import schedule_answer, schedule_evidence
+        from rigctl.answers.schedule.schedule import schedule_answer, schedule_evidence
         from rigctl.cli.analysis_page import require_page, write_page
         from rigctl.cli.blocks import show_answer
         from rigctl.cli.named_input import open_models, open_runs
@@ -149,7 +149,7 @@ def compensate(
 
 
 def _judge(chosen: list[str], *, as_json: bool) -> None:
-    from rigctl.answers.schedule import check_block
+    from rigctl.answers.schedule.schedule import check_block
     from rigctl.cli.blocks import show
     from rigctl.cli.named_input import open_runs
     from rigctl.compensation.paired_test import judge as judged
@@ -166,8 +166,8 @@ def _judge(chosen: list[str], *, as_json: bool) -> None:
 
 def _texts() -> dict[str, Callable[[Schedule, Path], str]]:
     """The content to write, by the extension of the file."""
-    from rigctl.answers.schedule_check import check_procedure
-    from rigctl.answers.schedule_tables import csv_text, header_text
+    from rigctl.answers.schedule.check import check_procedure
+    from rigctl.answers.schedule.tables import csv_text, header_text
 
     return {
         ".h": lambda schedule, _: header_text(schedule),

@@ -102,7 +102,7 @@ def design(
     from rigctl.cli.progress import progress_display
 
     with progress_display("Reading the records", "no further file was written") as on_progress:
-        from rigctl.answers.design import design_answer, whole_design
+        from rigctl.answers.design.design import design_answer, whole_design
         from rigctl.cli.analysis_page import require_page
         from rigctl.cli.blocks import show, show_answer
         from rigctl.cli.named_input import open_models, open_runs
@@ -197,7 +197,7 @@ def _write_procedure(output: Path, result: DesignResult) -> None:
 
 
 def _write_sheet(sheet: Path, result: DesignResult) -> None:
-    from rigctl.answers.work_sheet import work_sheet
+    from rigctl.answers.design.work_sheet import work_sheet
     from rigctl.cli.echo import echo
     from rigctl.files.write import write_new
 

@@ -161,7 +161,7 @@ def diagnose(
     else:
         _show(diagnosis, verbose=verbose)
         if next_one is not None:
-            from rigctl.answers.design import design_answer, whole_design
+            from rigctl.answers.design.design import design_answer, whole_design
             from rigctl.cli.blocks import show, show_answer
 
             show(whole_design(next_one)) if verbose else show_answer(design_answer(next_one))

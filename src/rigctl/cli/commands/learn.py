@@ -185,7 +185,7 @@ def learn(
 
 def _show_proposal(one: Round, design: DesignResult, *, quiet: bool, verbose: bool) -> None:
     """Show the proposed records; with `verbose` also the predictions for each pair."""
-    from rigctl.answers.design import design_answer, whole_design
+    from rigctl.answers.design.design import design_answer, whole_design
     from rigctl.cli.blocks import show, show_answer
 
     echo(f"\nRound {one.number} would be {one.procedure}", err=True)

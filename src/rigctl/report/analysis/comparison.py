@@ -10,8 +10,8 @@ from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.answers.blocks import Block, Figure
 from rigctl.answers.budgets import budget_bars
 from rigctl.answers.comparison import all_held_out, comparison_answer, numbers, statements, where
-from rigctl.answers.model_title import model_title
-from rigctl.answers.systematic_error import left_of
+from rigctl.answers.findings.systematic_error import left_of
+from rigctl.answers.model.title import model_title
 from rigctl.report.analysis.frequency_response import frequency_of_model
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records

@@ -7,7 +7,7 @@ import numpy as np
 from rigctl.analysis.decision_levels import INTERVAL
 from rigctl.answers.blocks import Block, Figure, Points, Sentence
 from rigctl.answers.numbers import symbol
-from rigctl.answers.schedule import schedule_answer, schedule_evidence
+from rigctl.answers.schedule.schedule import schedule_answer, schedule_evidence
 from rigctl.compensation.result import Schedule
 from rigctl.report.blocks import page_blocks
 from rigctl.report.plot import Look, Panel, Plot, Trace

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rigctl.answers.design import design_page, record_caption
+from rigctl.answers.design.design import design_page, record_caption
 from rigctl.answers.numbers import symbol
 from rigctl.design.result import DesignResult, Prediction, SensorSet
 from rigctl.report.blocks import page_blocks

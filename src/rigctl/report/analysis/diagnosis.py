@@ -10,8 +10,8 @@ from rigctl.analysis.search.refit import RefittedSet
 from rigctl.answers.blocks import Sentence
 from rigctl.answers.budgets import budget_bars
 from rigctl.answers.diagnosis import diagnosis_answer, diagnosis_evidence
-from rigctl.answers.model_title import model_title
-from rigctl.answers.systematic_error import lefts_of_diagnosis
+from rigctl.answers.findings.systematic_error import lefts_of_diagnosis
+from rigctl.answers.model.title import model_title
 from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
 from rigctl.report.analysis.page_top import NamedModels, answer_section

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.answers.model_errors import error_bars
+from rigctl.answers.model.errors import error_bars
 from rigctl.model.history.change import ModelError
 from rigctl.model.history.errors import version_errors
 from rigctl.model.history.store import versions

@@ -12,8 +12,8 @@ from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.improve import Improvement
 from rigctl.answers.blocks import Details, Figure, Sentence
 from rigctl.answers.diagnosis import whole_diagnosis
+from rigctl.answers.findings.systematic_error import left_of
 from rigctl.answers.improvement import improvement_answer
-from rigctl.answers.systematic_error import left_of
 from rigctl.answers.trends import trend_text
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections

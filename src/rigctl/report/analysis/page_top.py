@@ -10,8 +10,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from rigctl.answers.blocks import Answer, Bar, Bars
+from rigctl.answers.findings.systematic_error import ChannelFall, falls
 from rigctl.answers.numbers import words
-from rigctl.answers.systematic_error import ChannelFall, falls
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.analysis.overlay import condition_of, fall_plot
 from rigctl.report.blocks import page_blocks
@@ -33,7 +33,7 @@ class NamedModels:
     """Models on the same data, by their names on the page: the first is the original, the last the current
     one.
 
-    `left` is the systematic error of each, as of `rigctl.answers.systematic_error.falls`.
+    `left` is the systematic error of each, as of `rigctl.answers.findings.systematic_error.falls`.
     """
 
     names: tuple[str, ...]

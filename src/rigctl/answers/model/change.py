@@ -8,9 +8,9 @@ from typing import Any
 from rigctl.analysis.search.model_change import Changed
 from rigctl.answers.blocks import Answer, Block, Column, Next, Points, Table, counted, nonempty
 from rigctl.answers.comparison import departures
-from rigctl.answers.history import error_change, held_out_change
-from rigctl.answers.model import value_texts
-from rigctl.answers.model_errors import error_bars
+from rigctl.answers.model.declared import value_texts
+from rigctl.answers.model.errors import error_bars
+from rigctl.answers.model.history import error_change, held_out_change
 from rigctl.command_line import DataOptions, analysis
 from rigctl.model import StatedValue, stated_values
 from rigctl.model.fit.assumptions import Conditional

@@ -12,8 +12,8 @@ from rigctl.analysis.agreement.record_level import RecordQuantity
 from rigctl.analysis.agreement.trends import Trend
 from rigctl.analysis.agreement.undecided import from_steps
 from rigctl.analysis.comparison_result import ModelComparison, offset_of_clock
-from rigctl.answers.sensor_errors import beyond_text, exact_text, explanation
-from rigctl.answers.table_findings import table_statement
+from rigctl.answers.findings.sensor_errors import beyond_text, exact_text, explanation
+from rigctl.answers.findings.tables import table_statement
 from rigctl.answers.trends import trend_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.noise import ChannelNoise

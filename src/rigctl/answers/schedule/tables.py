@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import partial
 
-from rigctl.answers.schedule import end_text
+from rigctl.answers.schedule.schedule import end_text
 from rigctl.compensation.result import Schedule
 from rigctl.units import show
 

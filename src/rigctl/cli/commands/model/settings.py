@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rigctl.analysis.search.model_change import Wanted
-from rigctl.cli.commands.model_changes import read_effect
+from rigctl.cli.commands.model.changes import read_effect
 from rigctl.cli.plans import read_assignments
 from rigctl.effects import Effect
 from rigctl.errors import RigctlError

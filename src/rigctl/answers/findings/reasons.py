@@ -22,7 +22,7 @@ from rigctl.analysis.search.reasons import (
     WantedElsewhere,
 )
 from rigctl.analysis.search.remainder import STATED, Remainder
-from rigctl.answers.laws import law_text
+from rigctl.answers.findings.laws import law_text
 from rigctl.model.fit.reached_bounds import ReachedBound
 from rigctl.wording import chance_text, share_text
 

@@ -41,7 +41,7 @@ def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False
 
     Example: rigctl model show models/hl32-textbook.yaml
     """
-    from rigctl.answers.model import model_blocks
+    from rigctl.answers.model.declared import model_blocks
     from rigctl.cli.blocks import show as show_blocks
     from rigctl.files.version_suffix import split_version
     from rigctl.model import current_version, find_version, load_model
@@ -72,7 +72,7 @@ def diff(
 
     Example: rigctl model diff models/hl32-textbook.yaml@1 models/hl32-textbook.yaml
     """
-    from rigctl.answers.model import difference_blocks
+    from rigctl.answers.model.declared import difference_blocks
     from rigctl.cli.blocks import show as show_blocks
     from rigctl.model import difference, load_model
     from rigctl.model.document import difference_document
@@ -99,7 +99,7 @@ def history(
 
       rigctl model history models/hl32-textbook.yaml -v
     """
-    from rigctl.answers.history import history_answer, history_evidence
+    from rigctl.answers.model.history import history_answer, history_evidence
     from rigctl.cli.blocks import show_answer
     from rigctl.model import current_version, versions
     from rigctl.model.history.document import history_document
@@ -134,7 +134,7 @@ def fit(
     Example: rigctl model fit models/hl32-textbook.yaml latest --hold-out "oil == 60 degC"
     """
     from rigctl.analysis.search.model_change import Wanted
-    from rigctl.cli.commands.model_changes import carry_out
+    from rigctl.cli.commands.model.changes import carry_out
     from rigctl.project import own_model
 
     wanted = Wanted("fit", lambda model: model, True, hold_out, only, assume or ())
@@ -182,7 +182,7 @@ def add(
       rigctl model add models/hl32-textbook.yaml "piston_leakage:clearance=30 um" --no-fit
     """
     from rigctl.analysis.search.model_change import Wanted
-    from rigctl.cli.commands.model_changes import carry_out, read_effect
+    from rigctl.cli.commands.model.changes import carry_out, read_effect
     from rigctl.model import load_model
     from rigctl.project import own_model
 
@@ -230,7 +230,7 @@ def remove(
     Example: rigctl model remove models/hl32-textbook.yaml piston_leakage --fit latest
     """
     from rigctl.analysis.search.model_change import Wanted
-    from rigctl.cli.commands.model_changes import carry_out
+    from rigctl.cli.commands.model.changes import carry_out
     from rigctl.project import own_model
 
     wanted = Wanted(
@@ -301,8 +301,8 @@ def set_values(
 
       rigctl model set models/motor.yaml "resistance=1.7 ohm" --standing resistance=measured
     """
-    from rigctl.cli.commands.model_changes import carry_out
-    from rigctl.cli.commands.model_settings import settings_wanted
+    from rigctl.cli.commands.model.changes import carry_out
+    from rigctl.cli.commands.model.settings import settings_wanted
     from rigctl.model import load_model
     from rigctl.project import own_model
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rigctl.cli.commands.doctor_finding import Finding
+from rigctl.cli.commands.doctor.finding import Finding
 from rigctl.cli.echo import print_json
 from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
@@ -38,7 +38,7 @@ _EXTRAS = (
 
 def examine(ports: Sequence[PortInfo] | PortsUnlisted = ()) -> Iterator[Finding]:
     """Check everything that rigctl depends on, cheapest first. Nothing is opened, nothing moves."""
-    from rigctl.cli.commands.doctor_bench import emulator_finding, guard_findings, port_findings, rig_findings
+    from rigctl.cli.commands.doctor.bench import emulator_finding, guard_findings, port_findings, rig_findings
     from rigctl.project import find_project
 
     yield _interpreter()
@@ -202,7 +202,7 @@ def doctor(
       rigctl doctor --rig rigs/my-bench.yaml --align
     """
     if align:
-        from rigctl.cli.commands.doctor_align import align_devices
+        from rigctl.cli.commands.doctor.align import align_devices
 
         align_devices(rig, port, yes=yes, write=write, as_json=as_json)
         return
@@ -214,7 +214,7 @@ def doctor(
 def _examine(port: Sequence[str] | None, baud: int, rig: Path | None, *, as_json: bool) -> None:
     """Report the findings, and end with their exit code."""
     from rigctl.backends.transport.serial_ports import PortsUnlisted, list_ports
-    from rigctl.cli.commands.doctor_bench import ask_port, ask_rig, ports_document
+    from rigctl.cli.commands.doctor.bench import ask_port, ask_rig, ports_document
 
     if rig is not None:  # a file that cannot be read is a wrong call, not a fault of the bench
         from rigctl.project import find_file

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rigctl.answers.design_statement import added, statement
+from rigctl.answers.design.statement import added, statement
 from rigctl.answers.numbers import probability
 from rigctl.design.result import DesignResult, ProposedRecord
 from rigctl.planning.outline import clock_time

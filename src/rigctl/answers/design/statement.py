@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rigctl.answers.decided_by import decision
+from rigctl.answers.findings.decided_by import decision
 from rigctl.answers.numbers import probability
 from rigctl.design.result import (
     HALF,

@@ -20,7 +20,7 @@ from rigctl.answers.blocks import (
     counted,
     nonempty,
 )
-from rigctl.answers.design_statement import (
+from rigctl.answers.design.statement import (
     added,
     explanations_in_words,
     notes,

@@ -25,8 +25,14 @@ from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
 from rigctl.analysis.search.reasons import Reason
 from rigctl.analysis.search.rivals import Rival
-from rigctl.answers import agreement
-from rigctl.answers.reasons import edges_text, not_predicted_text, reason_text, reasons_text, remainder_text
+from rigctl.answers.findings import agreement
+from rigctl.answers.findings.reasons import (
+    edges_text,
+    not_predicted_text,
+    reason_text,
+    reasons_text,
+    remainder_text,
+)
 from rigctl.effects.declaration import Effect
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.reading_errors import CLOCK
@@ -280,7 +286,7 @@ def _fall(fit: FitResult, nearest: FitResult, channel: ChannelNoise) -> str:
 
 
 def rival_sentence(rival: Rival) -> str:
-    """What else it could be and where the two differ most; `rigctl.answers.evidence` has all of it."""
+    """What else it could be and where the two differ most; `findings.evidence` has all of it."""
     other = f"{rival.name} and {rival.beside} together" if rival.beside else rival.name
     text = f"{other} would look like {rival.member}"
     if rival.unusual:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rigctl.analysis.search.model_change import Wanted, change_model
-from rigctl.answers.model_change import change_answer
+from rigctl.answers.model.change import change_answer
 from rigctl.cli.blocks import show, show_answer
 from rigctl.cli.echo import print_json
 from rigctl.cli.named_input import open_runs

@@ -43,7 +43,7 @@ def check(
 
     Example: rigctl check rigs/my-bench.yaml
     """
-    from rigctl.cli.commands.check_files import kind_of
+    from rigctl.cli.commands.check.files import kind_of
     from rigctl.project import find_file
 
     path = find_file(file)
@@ -59,7 +59,7 @@ def _check_other(kind: str, path: Path, rig: Path | None, arg: Sequence[str], *,
         what = f"--rig and --arg are for procedures, and this is a {kind} file"
         raise RigctlError(what, value=path.as_posix())
     with progress_display(f"Reading {path.as_posix()}"):
-        from rigctl.cli.commands.check_files import describe, lines
+        from rigctl.cli.commands.check.files import describe, lines
 
         document = describe(kind, path)
     if as_json:

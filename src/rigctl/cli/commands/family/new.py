@@ -20,7 +20,7 @@ from rigctl.command_line import quoted, shell_word
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
-    from rigctl.cli.commands.first_fit import FirstFit
+    from rigctl.cli.commands.family.first_fit import FirstFit
     from rigctl.proposal.columns import Column, Table
     from rigctl.proposal.propose import Proposal
     from rigctl.proposal.roles import StatedRoles
@@ -313,7 +313,7 @@ def _tried(proposal: Proposal, root: Path, *, fit: bool) -> FirstFit | None:
     RigctlError
         `rigctl import` refuses the file.
     """
-    from rigctl.cli.commands.first_fit import first_fit
+    from rigctl.cli.commands.family.first_fit import first_fit
     from rigctl.dataset.importing import import_file
     from rigctl.proposal.log_format import column_pairs
     from rigctl.rig import load_rig

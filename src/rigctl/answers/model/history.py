@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rigctl.answers.blocks import Answer, Block, Column, Points, Table, counted, nonempty
-from rigctl.answers.model_errors import error_bars
+from rigctl.answers.model.errors import error_bars
 from rigctl.answers.numbers import number, symbol
 from rigctl.model import Version, VersionError, version_errors
 from rigctl.model.history.change import Change, ModelError

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rigctl.cli.commands.doctor_finding import Finding
+from rigctl.cli.commands.doctor.finding import Finding
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:

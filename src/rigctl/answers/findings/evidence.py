@@ -14,11 +14,11 @@ from rigctl.analysis.linear.cross_validation import CrossValidation
 from rigctl.analysis.linear.size_scatter import SizeScatter
 from rigctl.analysis.search.identity import Levels
 from rigctl.analysis.search.rivals import Differs, Rival
-from rigctl.answers.agreement import record_level_text
 from rigctl.answers.blocks import Point
-from rigctl.answers.reasons import scatter_text
-from rigctl.answers.sensor_errors import beyond_text, exact_text
-from rigctl.answers.verdict import largest_difference
+from rigctl.answers.findings.agreement import record_level_text
+from rigctl.answers.findings.reasons import scatter_text
+from rigctl.answers.findings.sensor_errors import beyond_text, exact_text
+from rigctl.answers.findings.verdict import largest_difference
 from rigctl.effects.record_level import RECORD
 from rigctl.wording import chance_text, share_text
 

@@ -14,7 +14,7 @@ from rigctl.analysis.agreement.undecided import (
     StatedNoise,
     WiderBounds,
 )
-from rigctl.answers.sensor_errors import remedy_text
+from rigctl.answers.findings.sensor_errors import remedy_text
 from rigctl.units import show
 
 

@@ -1,0 +1,1 @@
+"""How designed records are worded."""

@@ -1,0 +1,1 @@
+"""How what an analysis finds is worded: verdicts, evidence, reasons."""

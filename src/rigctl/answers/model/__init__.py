@@ -1,0 +1,1 @@
+"""How a model, its versions and its changes are worded."""

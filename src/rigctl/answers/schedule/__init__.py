@@ -1,0 +1,1 @@
+"""How a set-point schedule and its check are worded."""
