@@ -1,4 +1,13 @@
-"""The position in the plan at which a step is being built, and the construction of nodes there."""
+"""The position in the plan at which a step is being built, and the construction of nodes there.
+
+A `Context` is what a step gets when it builds its node: the rig and the variables (from `Reader`), the
+place in the file, the path in the plan, the sweeps and calls around it. It is never changed; going deeper
+makes a new one. Only `findings`, what earlier steps have measured or asked, is shared, since it grows in
+the order of execution.
+
+Plans are bounded in size, depth and rounds while they are built: a procedure may come from anywhere, and
+a sweep in a sweep in a sweep is written in three lines.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,9 @@
-"""The context in which a step is read: the rig, the variables in scope, and the step's location in its
-file."""
+"""The context in which a step is read: the rig, the variables in scope, and the step's location in its file.
+
+In: values and names as they were written. Out: SI values, channels, conditions, or an error that names
+the place. An error raised deeper down knows what is wrong but not where: `located` adds that, and the
+name of the field.
+"""
 
 from __future__ import annotations
 

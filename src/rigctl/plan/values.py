@@ -1,4 +1,9 @@
-"""Quantities of a procedure: literals with a unit, or expressions of ``$variables``."""
+"""Quantities of a procedure: literals with a unit, or expressions of ``$variables``.
+
+A field declares by its `Kind` what it accepts. Literals are checked when the file is read, so that a
+mistake is found in a file of which no plan is made; values with variables, or of a dimension that only
+the rig knows, when the plan is made.
+"""
 
 from __future__ import annotations
 

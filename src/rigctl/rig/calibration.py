@@ -144,6 +144,7 @@ def inverse_polynomial(coefficients: Sequence[float], y: float, low: float, high
     if not min(at_low, at_high) <= y <= max(at_low, at_high):
         return low + (y - at_low) * (high - low) / (at_high - at_low)
     rising = at_high > at_low
+    # By bisection, as that needs nothing but monotony, which the rig file's check has made sure of.
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         if (polynomial(coefficients, middle) < y) == rising:

@@ -70,12 +70,14 @@ def with_calibration(rig: Rig, channel: str, entries: Mapping[str, str]) -> str:
         text = set_entries(rig.text, ("channels", channel, "calibration"), entries)
     except RigctlError as error:
         raise error.at(Location(rig.path)) from None
+    # The same text may be used elsewhere by a YAML anchor: then more than this calibration would change.
     if not _alone(rig.text, text, channel):
         raise RigctlError(
             f"the calibration of '{channel}' is shared with another part of the file",
             hint="Write it out in its place first",
             where=Location(rig.path),
         )
+    # What is written must be readable: a rig file that is refused would stop the bench.
     parse_rig(text, rig.path)
     return text
 
@@ -102,6 +104,8 @@ def write_calibration(rig: Rig, text: str, now: datetime) -> Written:
         content = read_bytes(path)
     except OSError as problem:
         raise RigctlError(f"cannot read the file: {problem.strerror}", where=Location(path)) from problem
+    # Compared with what was read: an edit made meanwhile, in an editor that is still open, is not
+    # overwritten.
     if content.removeprefix(_BOM) != rig.text.encode("utf-8"):
         raise RigctlError(
             "the file was changed meanwhile; nothing was written",
@@ -109,6 +113,7 @@ def write_calibration(rig: Rig, text: str, now: datetime) -> Written:
             exit_code=ExitCode.FAILED,
         )
     backup = _free(path.parent / FOLDER / f"{path.stem}.{now:%Y%m%d-%H%M%S}{path.suffix}")
+    # The copy first, and of the bytes, not of the text.
     write_bytes(backup, content)
     write_bytes(path, (_BOM if content.startswith(_BOM) else b"") + text.encode("utf-8"))
     return Written(path, backup)

@@ -108,6 +108,7 @@ def fit_calibration(
     x = np.array([point.mean for point in points])
     y = np.array([point.reference for point in points])
     _check(channel, x, degree)
+    # Raw values are shifted and scaled to about −1 to 1: powers of counts around 4000 would leave no digits.
     centre, width = float(x.mean()), float(np.ptp(x)) / 2.0
     z = (x - centre) / width
     design = np.vander(z, count, increasing=True)
@@ -125,8 +126,11 @@ def fit_calibration(
     s, dof, of_residuals = _spread(points, residuals, coefficients, count)
     inverse = np.linalg.inv(design.T @ design)
     grid = np.vander(np.linspace(z.min(), z.max(), 201), count, increasing=True)
+    # The largest within the range of the points: at its ends, as a rule.
     leverage = float(np.einsum("ij,jk,ik->i", grid, inverse, grid).max())
     spread = _t(dof) * s * math.sqrt(1.0 + leverage) if dof else 0.0
+    # A uniform distribution has the standard deviation step/√12; twice that for 95 %, as the other
+    # contributions.
     step = (raw.step if raw else 0.0) * _steepest(coefficients, x) / math.sqrt(12.0) * 2.0
     covariance = to_raw @ inverse @ to_raw.T * s**2
     return CalibrationFit(

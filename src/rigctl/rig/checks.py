@@ -1,4 +1,12 @@
-"""Checks across the fields of a rig file: names exist, dimensions agree, the safe state is complete."""
+"""Checks across the fields of a rig file: names exist, dimensions agree, the safe state is complete.
+
+In: a rig whose fields are each valid. Out: every `Problem`, with its place in the file, not only the
+first. Checks that would only repeat a problem found before are left out: of a channel with a wrong unit
+nothing else is checked, and of devices with stray channels no protocol is.
+
+What is an error here makes the file unusable; what is doubtful but possible is a warning (`warnings`), which
+`rigctl check` and `rigctl run` print.
+"""
 
 from __future__ import annotations
 
@@ -46,6 +54,8 @@ def problems(rig: Rig) -> Iterator[Problem]:
     yield from _safe_state(rig)
     yield from _constants(rig)
     yield from _simulation(rig)
+    # With several devices, each part is checked as a rig of its own, by the same checks as the one device of
+    # another.
     if rig.devices:
         yield from _devices(rig)
     else:
@@ -116,6 +126,8 @@ def _lost(rig: Rig) -> Iterator[Problem]:
             yield Problem(("devices", name, "back_within"), error, of_key=True)
         if device.lost != "continue":
             continue
+        # What the safety of the bench rests on: a limit that nobody could check, an output that nobody could
+        # make safe.
         reasons = [
             f"limit '{limit}' needs {part}"
             for limit, one in rig.limits.items()
@@ -156,6 +168,7 @@ def _addresses(rig: Rig) -> Iterator[Problem]:
         unit = None if device.modbus is None else device.modbus.unit
         others = ports.setdefault(device.port.strip().casefold(), [])
         for other, behind in others:
+            # Two units at one address are two devices; a unit that is not stated may be either.
             if unit is None or behind is None or unit == behind:
                 error = RigctlError(f"'{other}' is at this address already", value=device.port)
                 yield Problem(("devices", name, "port"), error)

@@ -20,10 +20,14 @@ def approach(bench: StepBench, levels: Mapping[str, float]) -> Waiting:
     begins = {name: bench.commanded.get(name, bench.safe_value(name)) for name in levels}
     begin, left = bench.now, dict(levels)
     try:
+        # While they move, a loss of contact that switches them off ends nothing: the next command sets them
+        # again.
         bench.regulated.update(levels)
         while left:
             for name, level in list(left.items()):
                 fastest = bench.rig.actuators[name].max_rate
+                # By the time that has passed, not by a count of steps: a late host makes a larger step, at
+                # the same rate.
                 way = math.inf if fastest is None else fastest * (bench.now - begin)
                 rest = level - begins[name]
                 now = level if abs(rest) <= way else begins[name] + math.copysign(way, rest)

@@ -1,4 +1,8 @@
-"""`heat`: bring the oil to a temperature and let it settle."""
+"""`heat`: bring the oil to a temperature and let it settle.
+
+The file has what belongs to this step: its fields in a procedure (`HeatFields`, `HeatStep`), its forecast
+for the preview, and its behaviour on the bench (`Heat`, with the thermostat that switches the heater).
+"""
 
 from __future__ import annotations
 
@@ -155,10 +159,12 @@ class Heat(Action):
         settling = Settling(self.to, self.within, self.settle)
         heater = _Thermostat(self, bench)
         give_up = bench.now + self.timeout
+        # Before the `try`: until a reading is there, the heater has not been touched.
         row = yield from bench.fresh()
         try:
             bench.regulated.add(self.actuator)
             while not settling.add(row[0], row[column]):
+                # By the mean: a single reading outside the band may be noise.
                 heater.regulate(row[0], settling.mean)
                 sample = yield Until(give_up, every_sample)
                 if sample is None:
@@ -204,6 +210,7 @@ class _Thermostat:
             return
         bench, name = self._bench, self._action.actuator
         ready = max(self._next_switch, bench.rested_at(name, wanted))
+        # Two rests: that of this thermostat, and that of the actuator since its last switch, whoever made it.
         due = time >= ready and not bench.is_at(name, wanted)
         if due and bench.try_switch(name, wanted):  # if the bench is out of reach, retried at the next sample
             self._next_switch = time + self._rest

@@ -91,6 +91,7 @@ class Hold(Action):
         begin = bench.now
         possible = bench.rig.channels[self.channel].possible
         row = yield from bench.fresh()
+        # The reading at the start is the centre of the tolerance: it must be one.
         while not possible(row[column]):
             sample = yield Until(when=lambda sample: possible(sample[column]))
             row = row if sample is None else sample

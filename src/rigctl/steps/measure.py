@@ -1,4 +1,10 @@
-"""`measure`: a value from recorded data, compared with its limits."""
+"""`measure`: a value from recorded data, compared with its limits.
+
+In: an expression over statistics of channels (`max(position) - min(position)`), over a record, a phase or
+the last seconds. Out: a value that is stored with its record, and can be used by later steps. Which
+statistics are needed is known when the plan is made: the runner keeps in memory only the channels that
+some measure names (`rigctl.runner.recent_samples`).
+"""
 
 from __future__ import annotations
 

@@ -210,6 +210,8 @@ class Move(Action):
 
     def _for_a_time(self, bench: StepBench, duration: float) -> Behaviour:
         """Move for a time, measured by the bench if possible, so that delays of the host do not matter."""
+        # The end counts from when the bench has switched, not from when it was asked. DEFER: half a move has
+        # no place to go on from.
         receipt = yield from bench.command(self.actuator, self.value, duration)
         yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
         yield from bench.finish_pulse(self.actuator)
@@ -227,6 +229,7 @@ class Move(Action):
         try:
             reached = yield Until(bench.now + timeout, condition)
         finally:
+            # Not if an ending has made it safe, or the bench has switched it by itself.
             if bench.commanded[self.actuator] == self.value:
                 bench.release(self.actuator)
         if reached is None:

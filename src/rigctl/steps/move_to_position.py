@@ -1,4 +1,10 @@
-"""A move to a position: stops early enough to coast to the target, and corrects with short timed pulses."""
+"""A move to a position: stops early enough to coast to the target, and corrects with short timed pulses.
+
+The valve can only be open or closed, so that the position is controlled by when it is closed. Far from
+the target the rod moves at full speed and the stop is predicted from the speed just measured; near it,
+pulses are given whose length is that of the way plus the dead time that the last pulse has shown. In
+between the rod comes to rest and the position is averaged, since what counts is where it stays.
+"""
 
 from __future__ import annotations
 
@@ -79,6 +85,7 @@ def approach(action: MoveTo, bench: StepBench) -> Behaviour:
     """
     drive = _Drive(action, bench)
     try:
+        # Undone in `finally`, as is the command.
         bench.need_rate(min(_RATE, bench.rig.fastest))
         position = yield from drive.rest()
         while abs(drive.target - position) > drive.within:
@@ -139,6 +146,7 @@ class _Drive:
         receipt = yield from self._bench.command(self._action.actuator, value, duration)
         yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
         yield from self._bench.finish_pulse(self._action.actuator)
+        # Whatever of the pulse did not become way is dead time; it may also be negative, if the rod coasts.
         after = yield from self.rest()
         self._lost = duration - abs(after - before) / self._speed
 
@@ -157,6 +165,7 @@ class _Drive:
                 continue
             self._position = row[self._column]
             past.append((row[0], self._position))
+            # Measured in the direction of motion: negative means past the target.
             left = direction * (self.target - self._position)
             if left <= 0.0:
                 break
@@ -167,6 +176,7 @@ class _Drive:
                 continue
             self._speed = speed
             remaining = left / speed - _COASTING
+            # The next sample would come too late: the rest is a wait for a time, not for a reading.
             if remaining < 1.5 * period:
                 yield Until(row[0] + remaining, on_pause=OnPause.DEFER)
                 break

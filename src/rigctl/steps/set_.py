@@ -161,6 +161,8 @@ class Set(Action):
         if self.duration is not None:  # all must start together, so none may be delayed by its resting time
             while bench.now < (ready := max(bench.rested_at(*each) for each in self.values.items())):
                 yield Until(ready)
+        # The others first: those that may jump are all commanded at once, and none waits for a level that
+        # takes minutes.
         gradual = {
             name: value
             for name, value in self.values.items()
@@ -175,6 +177,7 @@ class Set(Action):
                 yield from bench.ask(_request(bench.rig, name, value))
         yield from approach(bench, gradual)
         if self.duration is not None:
+            # In the order in which they end, so that a host that ends them is late for none.
             for name in sorted(ends, key=lambda name: ends[name]):
                 yield Until(ends[name], on_pause=OnPause.DEFER)
                 yield from bench.finish_pulse(name)

@@ -130,6 +130,7 @@ class SetLevel(Action):
             yield from approach(bench, {self.actuator: self.to})
         if actuator.by == "operator":
             request = actuator.prompt or f"Turn {self.actuator} until {self.channel} reads"
+            # A notice and no question: the readings show when it has been done, nobody has to confirm it.
             bench.request(Question(f"{request} {target}", notice=True))
         try:
             settling = Settling(self.to, self.within, self.settle)

@@ -88,9 +88,11 @@ class Wait(Action):
         if self.until is None:
             yield Until(bench.now + (self.duration or 0.0))
             return Outcome.COMPLETE
+        # The time-out counts from here, also while a fresh reading is awaited.
         condition = bench.condition(self.until)
         timeout = self.timeout or 0.0
         give_up = bench.now + timeout
+        # A condition that already holds ends the wait, but by a reading taken after the last command.
         row = yield from bench.fresh()
         if not condition(row) and (yield Until(give_up, condition)) is None:
             raise StepFailed(

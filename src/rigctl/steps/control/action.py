@@ -1,4 +1,11 @@
-"""The action of the step `control`: a closed loop on the host, updated sample by sample."""
+"""The action of the step `control`: a closed loop on the host, updated sample by sample.
+
+In: the loop's settings, and each sample of the bench. Out: commands, the measures of the loop's timing,
+and an end: the time is over, the reading has settled, or the loop has failed. Three parts: `_Loop`
+computes the output (`rigctl.steps.control.pid`), `Watch` judges the loop whoever computes it, on the host
+or on the board, and `Timing` counts how regularly it was updated. See
+docs/decisions/0082-control-loops-run-sample-by-sample.md.
+"""
 
 from __future__ import annotations
 
@@ -85,6 +92,8 @@ class Control(Action):
         timing = Timing(self.period)
         watch = Watch(self, bench)
         try:
+            # Both are undone in `finally`, however the step ends. An output in `regulated` may go off in a
+            # short loss of contact without ending the run: the loop commands it at its next update.
             bench.need_rate(1.0 / self.period)
             bench.regulated.add(self.actuator)
             yield from self._loop(bench, watch, timing)
@@ -107,10 +116,14 @@ class Control(Action):
         begin = bench.now
         end = begin + self.longest
         due = -math.inf
+        # A reading taken after the last command: the first error decides how a bumpless start continues.
         row: Row | None = yield from bench.fresh()
         while True:
+            # With several devices, rows come from all of them: the loop counts those of its own channel, by
+            # their times.
             row = bench.read_with(row, self.channel) if row is not None else None
             if row is not None and row[0] >= due:
+                # From this reading on, not from the last due time: after a gap no updates are made up for.
                 due = row[0] + self.period * (1.0 - EARLY)
                 if possible(row[column]) and not math.isnan(row[column]):
                     if loop.update(row, row[column], timing):

@@ -96,6 +96,7 @@ class ControlOnBoard(Control):
         if reason:
             bench.event("note", f"the loop runs on the host: {reason}")
             return (yield from Control.carry_out(self, bench))
+        # From here on the board computes; the host sees the loop only through its samples.
         state = LoopState(False, None)
         watch = Watch(self, bench)
         try:
@@ -128,12 +129,16 @@ class ControlOnBoard(Control):
                 ahead = watch.ahead(row, setpoint)
                 if ahead is None:
                     pass  # the loop is started with the first value of its feed-forward
+                # The state decides, not a memory of having started it: after a loss the board has ended its
+                # loop by itself.
                 elif not bench.loop_state(ahead).running:  # not started yet, or contact was lost
                     if not begun:
                         before = bench.commanded.get(self.actuator, bench.safe_value(self.actuator))
                         watch.note_cancelled(setpoint - value, ahead, before)
                     yield from bench.regulate(self.settings(ahead))
                     if bench.loop_state().running:
+                        # The time counts from the first start; starting again after a loss gives no more of
+                        # it.
                         end = end if begun else bench.now + self.longest
                         self._log_start(bench, again=begun)
                         begun = True

@@ -30,10 +30,12 @@ class OscillationDetector:
 
     def add(self, time: float, error: float) -> tuple[float, float] | None:
         """Add the error at a time; return amplitude and period (s) of a sustained oscillation, or None."""
+        # An error of exactly zero belongs to the half period in progress.
         sign = math.copysign(1.0, error) if error != 0.0 else self._sign
         if sign == self._sign:
             self._peak = max(self._peak, abs(error))
             return None
+        # The first half period began before the loop was watched: its length is unknown.
         if self._sign != 0.0:
             self._finish(time - self._began)
         self._sign, self._began, self._peak = sign, time, abs(error)
@@ -51,10 +53,12 @@ class OscillationDetector:
             return None
         lengths = sorted(length for length, _ in self._halves)
         median = 0.5 * (lengths[_HALVES // 2 - 1] + lengths[_HALVES // 2])
+        # Noise about the set-point changes its sign too, but irregularly.
         if lengths[-1] > (1.0 + _REGULAR) * median or lengths[0] < (1.0 - _REGULAR) * median:
             return None
         peaks = [peak for _, peak in self._halves]
         first, second = sum(peaks[: _HALVES // 2]), sum(peaks[_HALVES // 2 :])
+        # A loop that settles oscillates as well, with peaks that become smaller.
         if second < _LASTING * first:
             return None
         return second / (_HALVES // 2), 2.0 * median

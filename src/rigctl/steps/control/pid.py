@@ -84,6 +84,8 @@ class Pid:
         """
         gains, error = self._gains, setpoint - reading
         proportional = gains.proportional * error
+        # The first update: no time has passed, so that nothing is integrated or differentiated. Bumpless, the
+        # integral is what remains of the present output once the other terms are subtracted.
         if self._reading is None:
             span = 0.0
             if self._bumpless:
@@ -96,6 +98,7 @@ class Pid:
         if math.isnan(wanted):  # infinite terms of opposite sign: the output is undefined, and is held
             self.saturated = True
             return self.output
+        # The unlimited output is kept beside the limited one: their difference is what anti-windup works on.
         bounded = self._bounds.apply(wanted, self.output, span)
         self.saturated = not math.isclose(bounded, wanted, rel_tol=1e-9, abs_tol=1e-12)
         self.output = bounded

@@ -44,6 +44,7 @@ def check_commands(
     newest: tuple[float, float] | None = None
     changed = -math.inf  # time of the latest change, s
     windows = [_Window(rig, name, limit) for name, limit in _rate_limits(rig, actuator)]
+    # One pass over all commands, in the order in which a limit would notice them.
     for time, value in commands:
         try:
             check_level(rig, actuator, value)

@@ -1,4 +1,9 @@
-"""The step `waveform`: its fields, and its execution."""
+"""The step `waveform`: its fields, and its execution.
+
+In: one of five shapes, with values and times. Out: a list of commands at times, which is checked against
+all limits of the rig when the plan is made, as nothing of it depends on readings. The one exception is a
+ramp from the present command, which is checked when it begins, before the first command.
+"""
 
 from __future__ import annotations
 
@@ -412,12 +417,16 @@ class Waveform(Action):
                 raise StepFailed(str(error)) from None
         bench.regulated.add(name)
         try:
+            # 1. To the first value, if the actuator may not jump there.
             way = self._lead_in(bench, now, course[0][1])
             if way:
                 yield from self._follow(bench, way, way[-1][0])
+            # 2. The waveform itself.
             late = yield from self._follow(bench, course, self.duration)
             if late:
                 bench.event("note", f"{name}: {late} commands were left out, the host was late")
+            # 3. The end, with an acknowledgement: on the way a command that was lost is replaced by the next
+            #   one.
             last = course[-1][1] if self.stay else bench.safe_value(name)
             if not bench.is_at(name, last):
                 yield from bench.command(name, last)
@@ -440,6 +449,8 @@ class Waveform(Action):
         one was due."""
         begin, late = bench.now, 0
         for index, (time, value) in enumerate(course):
+            # A late host leaves commands out rather than shift the waveform: its times are what a model is
+            # compared with.
             if index + 1 < len(course) and begin + course[index + 1][0] <= bench.now:
                 late += 1
                 continue
