@@ -1,4 +1,12 @@
-"""What `run`, `simulate` and `resume` share: operator, display, and the report of the end."""
+"""What `run`, `simulate` and `resume` share: operator, display, and the report of the end.
+
+Who answers the questions of a procedure depends on how it was called: a person at the terminal, a person
+at the page (`--answer-in-browser`), answers given beforehand, or nobody, on a bench that is not real. Where
+questions would wait for an input that is empty, the run is refused before it begins.
+
+The end is reported from the most to the least important: outputs that may be on, the result, the device's
+test, remarks on the data. What could fail in a remark never hides what comes before it.
+"""
 
 from __future__ import annotations
 
@@ -48,6 +56,7 @@ def attended(
     from rigctl.runner.operators.operator import Operator
 
     kind = how.backend or plan.rig.kind
+    # A real bench asks a person, unless the answers were given; a simulated one has an operator of its own.
     by_hand = kind not in _UNATTENDED and not answers
     keys = typing_possible()
     if by_hand and not keys and not how.dry and input_is_empty():

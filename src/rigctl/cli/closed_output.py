@@ -41,6 +41,7 @@ def notice_closed_pipes() -> None:
         stream = getattr(sys, name)
         if not isinstance(stream, io.TextIOWrapper) or not stat.S_ISFIFO(os.fstat(handle).st_mode):
             continue
+        # The same handle with another error; encoding and buffering stay as they were.
         pipe: Any = _Pipe(handle, "wb", closefd=False)
         text = io.TextIOWrapper(
             pipe if stream.write_through else io.BufferedWriter(pipe),

@@ -1,4 +1,9 @@
-"""The entry point: commands are loaded when they are called, and errors end in one clear message."""
+"""The entry point: commands are loaded when they are called, and errors end in one clear message.
+
+In: the command line. Out: an exit code; with it one message on stderr, or a document with `--json`.
+Whatever a command raises ends in `_carry_out`, the only place in which errors become messages; a
+traceback is a fault of rigctl. Commands that operate a bench get output that does not block.
+"""
 
 from __future__ import annotations
 
@@ -179,6 +184,8 @@ def _carry_out() -> None:
         text = problem.strerror or str(problem)
         _refuse(RigctlError(text, where=Location(name), exit_code=ExitCode.FAILED), as_json=wanted)
     except SystemExit as end:
+        # The library of the command line turns Ctrl-C into an exit; a command that has handled it itself has
+        # said so already.
         if end.code == ExitCode.INTERRUPTED and _by_keyboard(end):
             _refuse(RigctlError("Stopped", exit_code=ExitCode.INTERRUPTED), as_json=wanted)
         if end.code == ExitCode.FAILED and has_broken_pipe(end) and not is_unread():

@@ -1,4 +1,10 @@
-"""Non-blocking output: a terminal that is not read delays neither a run nor its end."""
+"""Non-blocking output: a terminal that is not read delays neither a run nor its end.
+
+A terminal stopped by Ctrl-S, or a pipe whose reader hangs, blocks whoever writes to it. A thread for each
+stream is blocked in place of the run; what waits is bounded, and the oldest is dropped. At the end the
+process waits a few seconds for its last words to be read, and then ends without them. See
+docs/decisions/0047-slow-readers-never-block-a-run.md.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +53,7 @@ class Outlet(io.TextIOBase):
                 raise trouble
             self._waiting.append(text)
             self._size += len(text)
+            # The newest text is always kept: it says how the run ended.
             while self._size > _WAITING and len(self._waiting) > 1:
                 self._size -= len(self._waiting.popleft())
             self._changed.notify_all()
@@ -105,6 +112,7 @@ class Outlet(io.TextIOBase):
                 self._changed.wait_for(lambda: self._waiting)
                 text = "".join(self._waiting)
                 self._waiting.clear()
+                # Taken out under the lock, written without it: `write` never waits for the stream.
                 self._size, self._busy = 0, True
             trouble: OSError | None = None
             try:

@@ -1,4 +1,8 @@
-"""A run on a terminal, redrawn by a separate thread, so that a slow terminal never slows the run."""
+"""A run on a terminal, redrawn by a separate thread, so that a slow terminal never slows the run.
+
+The run hands over a `View` ten times a second; `Readings` takes some of them, and rich's thread draws the
+newest four times a second. Views are immutable and replaced as a whole, so that the thread needs no lock.
+"""
 
 from __future__ import annotations
 

@@ -95,6 +95,9 @@ class Gate:
             return
         headers = list(scope["headers"])
         try:
+            # From the cheapest and most general to the most special: the name, since a foreign name that
+            # leads here is an attack; the origin, since a foreign page may ask; the cookie, since other
+            # programs of this computer may.
             host = self._require_host(headers)
             self._require_origin(scope, headers, host)
             scope[SESSION] = self._session(scope, headers)
@@ -114,6 +117,8 @@ class Gate:
         """Check that the request comes from a page of this server, or for reading from a typed address."""
         origins = _all(headers, b"origin")
         only_reads = scope["type"] == "http" and scope["method"] in _SAFE
+        # Browsers send no origin with a plain navigation; `Sec-Fetch-Site` tells whether another site led
+        # here.
         if not origins and only_reads:
             site = _all(headers, b"sec-fetch-site")
             if scope["path"] not in self._open and any(one not in ("same-origin", "none") for one in site):

@@ -4,6 +4,13 @@ Each is a command of rigctl in a process of its own: `rigctl monitor` while the 
 jog … --for` for a movement, which ends by itself and leaves the outputs safe, whatever becomes of the page,
 of the network or of this server: a command whose readings nobody takes any more ends. Nothing moves before
 the window that has the controls has opened them, on a real bench by typing its name.
+
+One command at a time has the bench (`_command`). A movement is asked for (`_next`), watching is ended,
+and when its process is gone, the movement begins; when that is over, watching begins again. `_ended` is
+the one place where one follows another. Requests come in threads of the server, readings in one thread
+for each command, and `_mind` looks for windows that are gone: all of them change the state under one
+lock, and none waits for a process while it holds it. See
+docs/decisions/0180-by-hand-in-the-browser-by-commands.md.
 """
 
 from __future__ import annotations
@@ -142,6 +149,8 @@ class ByHand:
         except ValueError:
             after = float("-inf")
         with self._lock:
+            # The file that describes the bench has changed since the controls were opened: they may lead to
+            # another one now.
             if self._command is not None and _file(rig) != self._watched:
                 self._leave_another()
             if request.text("glance", "") != "1":  # a window that shows a run only looks whether all is safe
@@ -177,6 +186,7 @@ class ByHand:
                     hint="Try again in some seconds",
                     exit_code=ExitCode.FAILED,
                 )
+            # A new beginning: nothing of an earlier watch may be shown as if it were of this one.
             self._asked = {request.viewer: monotonic()}
             self._began = monotonic()
             self._rows.clear()
@@ -214,6 +224,7 @@ class ByHand:
             self._require_watched(rig)
             self._require_rest(rig, name)
             options = ("--for", duration, *self._monitor[1:])
+            # Only noted: it begins when the command that has the bench now is gone, see `_ended`.
             self._next = ("jog", *options, "--readings", "--json", "--", name, value)
             if self._command is not None:
                 self._command.end()
@@ -223,6 +234,7 @@ class ByHand:
     def stop(self, request: PageRequest) -> dict[str, Any]:
         """End a movement now, from any window."""
         with self._lock:
+            # From any window, also one without the controls: stopping needs no right.
             if self._next is not None and self._next[0] == "jog":
                 self._next = None  # it has not begun
             if self._command is not None and self._command.moves:
@@ -385,6 +397,7 @@ class ByHand:
 
     def _ended(self, doing: _Command) -> None:
         """What follows a command: the movement that was asked for, or watching again after one."""
+        # Taken before anything else, so that whatever happens below, no movement is left to begin later.
         self._command, following, self._next = None, self._next, None
         self._outputs = {}
         answer = _answer(doing)
@@ -392,6 +405,8 @@ class ByHand:
             self._say(str(why))
         if self._rows:  # no line across the time in which nothing is read
             self._rows.append([monotonic() - self._began, *[None] * (len(self._rows[-1]) - 1)])
+        # First whether the bench is safe; only then whether something follows. After a movement without
+        # confirmation, or a command that has failed, nothing does, and the controls are closed.
         unsafe = _unsafe(doing, answer) if doing.moves else ""
         if unsafe:
             self._unsafe[self._watched[0]] = unsafe
@@ -424,6 +439,8 @@ class ByHand:
                 if self._command is None:
                     return
                 now = monotonic()
+                # Nobody looks any more, or the window with the controls has gone or lost the lease: the bench
+                # is left, safe.
                 self._asked = {viewer: at for viewer, at in self._asked.items() if now - at < _GONE}
                 commands = bool(self._lease.seen_by(self._opener)["mine"]) if self._opener else False
                 if not self._asked or (self._opener and not (self._opener in self._asked and commands)):

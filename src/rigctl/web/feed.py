@@ -2,6 +2,12 @@
 
 One thread for each watched run reads its journal, its log and its heartbeat, which exist in any case. The run
 is not affected. What a window cannot receive in time is dropped for that window, oldest first.
+
+Three kinds of threads meet here. The feed's thread reads files and writes to the queue of each window;
+the event loop takes from these queues (`Watcher.waiting`); requests join, leave and ask for snapshots.
+The feed's lock protects its rows, events and list of windows; each window's own lock protects its queue,
+so that a slow window holds nobody. Locks are taken in that order, the feed's first. Files are read
+without any lock. See docs/decisions/0092-served-page-reads-the-journal.md.
 """
 
 from __future__ import annotations
@@ -121,6 +127,7 @@ class Watcher:
             if self._events:
                 messages["events"] = list(self._events)
                 self._events.clear()
+            # The window is told, so that the page can say that some of it is left out.
             if self.dropped:
                 messages["dropped"] = self.dropped
                 self.dropped = 0
@@ -246,6 +253,7 @@ class Feed:
             except (OSError, RigctlError, ValueError):
                 pass  # half written or gone: the next poll may read it
             except Exception:  # an error in it must not freeze the windows
+                # Logged once: the same fault would come twenty times a second.
                 if not faulty:
                     logger.exception("reading %s", self.folder)
                 faulty = True
@@ -260,6 +268,7 @@ class Feed:
         payloads = self._journal.poll()
         if not payloads:
             return
+        # Times in a journal are those of its session; windows show those of the run.
         offset = float((self._journal.facts or {}).get("offset", 0.0))
         rows = self._columns.shown(b"".join(payloads), offset)
         with self._lock:
@@ -286,6 +295,8 @@ class Feed:
             return
         state = dict(heartbeat.fields)
         self._show_presence(state)
+        # Answers to requests of other programs: news for nobody here, and the state would change with each of
+        # them.
         state.pop("acknowledged", None)
         ended = state.get("state") in ENDED
         state |= {
@@ -322,6 +333,7 @@ class Feed:
     def _first_reading(self, channel: str, time: float) -> float | None:
         """A channel's first reading from a time on; None if not received yet, missing, or discarded."""
         column = 1 + self.header.layout.channels.index(channel)
+        # The rows of that time have been dropped: the first one that is left would be taken for it.
         if not self._rows.oldest <= time + _FRESH:
             return None
         return self._rows.first_value(column, time)

@@ -2,6 +2,10 @@
 
 A job is a command of rigctl, or a function of a module that is given plain values and a `Report` for its
 progress. It shares no state with the server: it opens runs and models itself, and its result becomes JSON.
+
+One thread for each job reads what its process says, until the process ends; under the lock it then
+settles the state. A job is settled once: whoever stops it sets the state first, and what its process
+still says is ignored. A process that ends without a result has died, which is said.
 """
 
 from __future__ import annotations
@@ -193,6 +197,7 @@ class Jobs:
         job = self.find(job_id)
         with self._lock:
             if job.state == "working":
+                # Before the process is ended, so that its end is not taken for a death.
                 job.state = "stopped"
         _end(self._processes.get(job_id))
         return job

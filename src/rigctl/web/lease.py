@@ -45,6 +45,8 @@ class Lease:
             window = self._window(viewer)
             window.open = max(window.open - 1, 0)
             window.seen = monotonic()
+            # Windows that are long gone are forgotten; one that is only reloaded keeps its number and the
+            # controls.
             for name in [name for name in self._windows if not self._is_present(name)]:
                 del self._windows[name]
 

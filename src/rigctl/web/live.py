@@ -1,4 +1,13 @@
-"""The run in progress: any number of windows can watch it, one can command it."""
+"""The run in progress: any number of windows can watch it, one can command it.
+
+In: requests and sockets of windows. Out: what their runs do, and the commands that they give, which go
+the same way as those of other terminals (`rigctl.runner.operators.remote_control`): the server has no way
+of its own into a run, and a run does not know of it.
+
+The event loop only moves messages; whatever may block (files, runs, the index) is done in threads.
+`_Window` is one socket: a task that reads what the window wants, and one that sends. Either's end is the
+end of both.
+"""
 
 from __future__ import annotations
 
@@ -127,6 +136,8 @@ class Live:
         from rigctl.runner.switch_off import switch_off
 
         try:
+            # First what this server itself has on the bench, without waiting for it: `switch_off` takes the
+            # bench anyway.
             self.by_hand.leave()
         except Exception:  # whatever it is, the outputs come first
             logger.exception("leaving the bench")
@@ -204,6 +215,7 @@ class Live:
         from rigctl.web.feed import Feed
 
         with self._lock:
+            # Reading the run's header takes time and is done without the lock.
             feed = self._feeds.get(run)
             if feed is not None and not feed.over:
                 return feed
@@ -249,6 +261,7 @@ class _Window:
         reader = asyncio.create_task(self._read())
         sender = asyncio.create_task(self._send())
         try:
+            # Whichever ends first, by a closed socket or an error, takes the other with it.
             await asyncio.wait({reader, sender}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             self._leave()
@@ -300,6 +313,8 @@ class _Window:
         except (RigctlError, OSError) as problem:
             await self._say("refused", str(problem))
             return
+        # Another run, or a new feed of the same one: what is still in the old queue must not be sent after
+        # it.
         if feed is not self._feed:
             self._leave()
             loop = asyncio.get_running_loop()

@@ -1,6 +1,10 @@
 """Request handlers: plain functions of the request, called in a thread, whose results become JSON.
 
 Exceptions become answers too: a `RigctlError` with its parts by name, as with ``--json``.
+
+Handlers may block (a disk, a run that is slow to answer), and so they run in threads, of a limited number
+with a queue of limited length. *Everything off* must not queue behind them: such routes are `reserved`
+and have threads of their own.
 """
 
 from __future__ import annotations
@@ -152,6 +156,7 @@ class _Threads:
         OSError
             too many requests are waiting.
         """
+        # Refused at once, rather than answered when nobody waits for it any more.
         if self._asked >= self._limiter.total_tokens + _WAITING:
             raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), "the server, by other requests")
         self._asked += 1

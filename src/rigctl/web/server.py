@@ -1,4 +1,10 @@
-"""The server: one for each project, reachable only from this computer unless requested otherwise."""
+"""The server: one for each project, reachable only from this computer unless requested otherwise.
+
+In: `Settings`. Out: a server that runs until it is interrupted. The order: refuse what would be unsafe,
+take the project's lock, bind the port, and only then import the server's libraries and print the address,
+so that a refusal takes no time and an address that is printed can be opened. One server for each project,
+because a single lease decides who may command a run.
+"""
 
 from __future__ import annotations
 
@@ -208,6 +214,7 @@ def _listening(settings: Settings) -> Iterator[socket.socket]:
     RigctlError
         the port is in use or not to be had.
     """
+    # A port that was asked for is not replaced by another: a bookmark or a tunnel leads there.
     wanted = [settings.port] if settings.port is not None else [USUAL_PORT, 0]
     problem: OSError | None = None
     for port in wanted:
