@@ -1,8 +1,10 @@
 """The declaration of an effect: terms at slots of a model, and parameters whose null values switch it off.
 
-An effect is data. Its formulas take a scope `m` (the model's variables) and `p` (the effect's own parameters
-and states) and return a term; at the null values every term is exactly 0, or exactly 1 if the slot
-multiplies.
+An effect is data: it comes from a shipped library, from the generic laws, or from a user's file, and is
+written into equations, listed and documented the same way. Its formulas take a scope `m` (the model's
+variables) and `p` (the effect's own parameters and states) and return a term; at the null values every term
+is exactly 0, or exactly 1 if the slot multiplies. A model without the effect is then the same equations at
+that point, in whose neighbourhood a diagnosis linearises.
 """
 
 from __future__ import annotations

@@ -50,6 +50,8 @@ def drivers(effect: Effect) -> tuple[Driver, ...]:
     result: dict[tuple[tuple[str, float], ...], Driver] = {}
     units = _leaves(family)
     for term in write_out(effect, family, rates=False).expressions:
+        # Rates of states stay variables here (`rates=False`): a lag that depends on dx/dt is a function of x,
+        # not of everything on which dx/dt depends.
         for form in _forms(term, frozenset(units), {}):
             weights = _normalised(form)
             unit = units[weights[0][0]]
@@ -73,6 +75,7 @@ def _forms(expr: Expr, leaves: frozenset[str], done: dict[int, bool]) -> Iterato
     if form:
         yield form
         return
+    # Expressions are a graph with shared parts: each node is descended into once.
     if done.setdefault(expr.index, False):
         return
     done[expr.index] = True

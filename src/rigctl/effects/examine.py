@@ -60,6 +60,8 @@ def _unused(effect: Effect, written: Written) -> Iterator[Fault]:
 def _wrong_terms(
     effect: Effect, family: ModelFamily, written: Written, points: Sequence[Point]
 ) -> Iterator[Fault]:
+    # Both settings of the effect are needed: at the null every candidate of a search is linearised, at its
+    # typical size the fit begins.
     off = [{**point, **_parameters(effect, effect.null)} for point in points]
     on = [{**point, **_parameters(effect, effect.start)} for point in points]
     for slot, uses in written.terms.items():
@@ -77,6 +79,8 @@ def _not_off(
     effect: Effect, uses: Sequence[Expr], nothing: float, points: Sequence[Point]
 ) -> RigctlError | None:
     values = [evaluate(expr, point) for point in points for expr in uses]
+    # Exactly 0 (or 1), not nearly: a diagnosis evaluates the equations with the whole library at its nulls,
+    # and that has to be the model itself.
     wrong = next((value for value in values if value != nothing), None)
     if wrong is None:
         return None

@@ -55,6 +55,9 @@ def write_out(effect: Effect, family: ModelFamily, *, rates: bool = True) -> Wri
             )
             for state in family.states
         }
+    # The terms are not called by themselves: the family's equations are evaluated, and each use of a slot
+    # records the term it receives. So a slot with local variables gives one term per use, with the arguments
+    # of that use.
     scope = Scope(
         family,
         known,

@@ -1,12 +1,16 @@
 """Slots for a family that declares none: at every balance, at every reading and at every input.
 
-An effect can then act wherever physics may be missing, although the family's author declared no slots.
-With w the sum of the effects at a slot:
+An effect can then act wherever physics may be missing, although the family's author declared no slots. With
+w the sum of the effects at a slot:
 
     ``ds/dt = f(...) + w``        at the balance of a state, in its unit per second
     ``z = g(...) + w``            at a reading
     ``u_acting = u + w``          at an input, for the equations of the family; effects are given u
     ``t_acting = t + w``          at an input's switches, in seconds
+
+The formulas of the family are wrapped, not rewritten, so that they stay what the author wrote. Effects are
+given the commanded u because their own laws are functions of the command; given the acting one, the term at
+an input would depend on itself.
 """
 
 from __future__ import annotations
@@ -51,6 +55,7 @@ def with_derived_slots(family: ModelFamily) -> ModelFamily:
     """
     if family.slots or not family.generic:
         return family
+    # The equations tell which inputs act at all, and which states are integrals of others.
     written = rates_in_symbols(family)
     follows = kinematics(family)
     used = {variable.name for expr in written.values() for variable in variables_of(expr)}
@@ -67,6 +72,8 @@ def with_derived_slots(family: ModelFamily) -> ModelFamily:
     )
     names = {slot.name for slot in slots}
     acting = frozenset(item.name for item in inputs)
+    # Every formula is evaluated with the acting inputs, u + w; a slot of its own is added for the rates of
+    # balances and for the readings, none for definitions (they would be seen twice, by what uses them).
     with_slot = {state.name for state in balances}
     return replace(
         family,
@@ -129,6 +136,8 @@ def kinematics(family: ModelFamily) -> dict[str, str]:
     for state in family.states:
         rate = written[state.name]
         alone = variables_of(rate)
+        # dx/dt is the bare variable v: a term there would say that the position changes otherwise than by its
+        # speed.
         if rate.op == "variable" and rate.name in names and rate.name != state.name and len(alone) == 1:
             derivatives[state.name] = rate.name
     return derivatives

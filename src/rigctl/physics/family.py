@@ -1,7 +1,9 @@
 """The declaration of a family of models: variables, parameters, equations, and slots for effects.
 
-A family is data. Its equations are small functions of a `Scope`, which provides the variables by name; an
-effect adds terms at the family's slots and changes nothing else.
+A family is data, wherever it comes from: a shipped Python module, a family file, two functions of a user's,
+or an FMU. Its equations are small functions of a `Scope`, which provides the variables by name, as symbols
+(compiled and differentiated by the engine) or as numbers; an effect adds terms at the family's slots and
+changes nothing else. That is why one model with an effect and one without it differ in that effect alone.
 """
 
 from __future__ import annotations

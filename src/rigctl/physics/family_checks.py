@@ -1,7 +1,9 @@
 """Validation of a family of models: its equations are written in symbols and evaluated near its start.
 
+In: a family. Out: its flaws, each with the part of the declaration where it stands; none for a sound one.
 Every equation must have the dimension of its result, and a finite value and slope throughout the bench's
-range; and every declared name must be used, since an unused one is probably misspelt.
+range, since fits and diagnoses use derivatives everywhere; and every declared name must be used, since an
+unused one is probably misspelt.
 """
 
 from __future__ import annotations
@@ -81,6 +83,9 @@ def check_family(family: ModelFamily) -> ModelFamily:
 
 def examine_family(family: ModelFamily) -> tuple[Flaw, ...]:
     """The problems of a family; empty if there are none."""
+    # In order: names, units and numbers first, as no equation can be written with a wrong unit; then the
+    # equations; and only sound equations are evaluated and searched for unused names. Each stage would
+    # otherwise repeat the faults of the one before.
     declared = tuple(_declarations(family))
     if declared or family.program is not None:  # an FMU has its equations
         return declared
@@ -123,6 +128,9 @@ class Gap:
 
 def first_gap(expr: Expr, points: Iterable[Point]) -> Gap | None:
     """The first of `points` where `expr` has no finite value, or no finite slope in one of its variables."""
+    # A slope without a finite value (√x at 0, |x|^0.5, a kink of infinite steepness) stops a solver or a fit
+    # long after the model was accepted, at a point that says nothing of the cause; hence the symbolic
+    # derivative of every equation in every variable.
     slopes = [(variable.name, derivative(expr, variable)) for variable in variables_of(expr)]
     for point in points:
         if not math.isfinite(evaluate(expr, point)):
@@ -203,6 +211,8 @@ class _Written:
 
     def _write(self) -> None:
         second = _dimension("s")
+        # Definitions first: a fault inside one is reported at the definition, not at the first equation that
+        # uses it.
         for definition in self.family.definitions:
             self._equation(
                 "definitions",

@@ -64,6 +64,7 @@ class Curve:
 
     def __call__(self, m: Scope, x: Scalar) -> Scalar:
         """Its value at x: an expression, or a number if `m` holds numbers."""
+        # The curve is computed over t from 0 to 1, without a unit; the units return in the last line.
         length = self.x[-1] - self.x[0]
         t = (x - m.constant(self.x[0], si_unit(self.over))) / m.constant(length, si_unit(self.over))
         knots, widths, polynomials, (first, last) = self._shape

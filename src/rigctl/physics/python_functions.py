@@ -1,7 +1,8 @@
-"""A family of models from two Python functions: ``dx/dt = rates(t, x, u, p)`` and ``y = readings(x, u, p)``.
+"""A family of models from two Python functions: ``dx/dt = rates(t, x, u, p)`` and ``y = readings(x, u,
+p)``.
 
-The functions are called with symbols in place of numbers, so that what they compute becomes the equations
-of the family: with exact derivatives, compiled, with units checked and slots for effects, as if they had been
+The functions are called with symbols in place of numbers, so that what they compute becomes the equations of
+the family: with exact derivatives, compiled, with units checked and slots for effects, as if they had been
 written in a family file. Arithmetic takes symbols, and so do numpy's functions that have a derivative; a
 branch has none, and is refused with the smooth switch to use instead.
 """
@@ -156,6 +157,8 @@ class _Formula:
             Variables("input", self.inputs, m),
             Variables("parameter", self.parameters, m),
         )
+        # Each state's rate is a formula of its own, so the function is called once per state, and one of its
+        # values is taken; a common subexpression is one node of the graph all the same.
         time = (_Time(),) if self.kind == "rate" else ()
         return _called(self.function, (*time, *variables), self.names, self.kind)[self.name]
 

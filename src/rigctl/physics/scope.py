@@ -1,6 +1,9 @@
 """The variables of a model by name, each evaluated at its first use.
 
-The same equations work with expressions (to be compiled) and with plain numbers (to be tested): a scope holds
+In: a family and the values of its states, inputs and parameters. Out, on demand: definitions, rates,
+readings, and the sums of effects at slots. The order of the equations does not matter, since each name is
+evaluated when it is first needed and kept; an equation that depends on itself is found in the same way. The
+same equations work with expressions (to be compiled) and with plain numbers (to be tested): a scope holds
 either.
 """
 
@@ -74,6 +77,8 @@ class Scope:
 
     def constant(self, value: float, unit: str) -> Scalar:
         """A number with its dimension, for use in an equation; `unit` is an SI unit."""
+        # Which kind of scope this is shows in what it holds: with symbols a number becomes a constant of
+        # their graph, with a dimension to be checked.
         for known in self._known.values():
             if isinstance(known, Expr):
                 return known.graph.constant(value, parse_unit(unit).dimension)
@@ -133,6 +138,9 @@ class Scope:
     def _terms(self, slot: Slot, local: Mapping[str, Scalar]) -> Iterator[Scalar]:
         for addition in self._additions:
             if addition.slot == slot.name:
+                # A local variable (of a slot that is used at several places with other arguments) must not
+                # outlive its term: the next use has other values, and what is kept in `_known` is kept for
+                # good.
                 with self._locally(local):
                     value = self._work_out(f"{addition.label} at {slot.name}", addition.formula)
                 _check(value, slot, addition.label)

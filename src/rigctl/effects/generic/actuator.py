@@ -1,4 +1,9 @@
-"""Effects of an actuator: deviations of the acting value from the commanded one."""
+"""Effects of an actuator: deviations of the acting value from the commanded one.
+
+In: the slot at an input (`Given`) or at its switches (`Late`) and the typical sizes. Out: effects there.
+Each is written as the deviation ``w = u_acting − u``, which is exactly 0 where it is off; play and lag
+therefore carry a state that follows u, and add the difference.
+"""
 
 from __future__ import annotations
 
@@ -204,6 +209,9 @@ class _EffectBuilder:
         pace = _RESOLUTION * self.sizes.shortest
 
         def rate(m: Scope, p: Own) -> Scalar:
+            # The follower moves only where |u − z| exceeds half of the play. The law is rate-independent;
+            # here it closes the excess with a time constant far below the family's times, so that the
+            # equations stay an ODE without events.
             u, corner = self.u(m), self.corner(self.u(m))
             pushed = positive_part(u - p.follower - p.limit, corner)
             pulled = positive_part(p.follower - u - p.limit, corner)
@@ -228,6 +236,8 @@ class _EffectBuilder:
     def lag(self) -> Effect:
         resolution = max(_RESOLUTION * self.sizes.shortest, 1e-9)
 
+        # The resolution T₀ keeps this regular at τ = 0, where the reading error below is exactly 0 (see
+        # `rigctl.effects.lag`).
         def rate(m: Scope, p: Own) -> Scalar:
             return (self.u(m) - p.follower) / (p.lag + constant_like(resolution, p.lag))
 

@@ -1,7 +1,9 @@
 """Effects in the balance of one state: friction if it is a speed, losses if something is stored.
 
-``ds/dt = f(...) + d·g·w`` with w the sum of the effects, g > 0 and d = ±1 from the family's equations. Every
-term opposes the motion, or drains the storage, whatever the sign with which the slot enters.
+In: a slot's `Balance` and the typical sizes. Out: effects at that slot. With ``ds/dt = f(...) + d·g·w``, w
+is the sum of the effects, g > 0 and d = ±1 from the family's equations. Every term opposes the motion, or
+drains the storage, whatever the sign with which the slot enters: a size has one meaning, and where physics
+allows one sign only, its bound of 0 holds in every family.
 """
 
 from __future__ import annotations
@@ -123,6 +125,8 @@ class _At:
 
 def _of_motion(at: _At) -> Iterator[Effect]:
     name, per_speed = at.role.state.name, quotient(at.unit, at.state_unit)
+    # Typical sizes are shares, mostly 5 %, of the largest term that drives the state (`at.size` = rate/gain).
+    # They are where a fit begins; the bounds around them are wide.
     size = one_sign("size", at.unit, 0.05 * at.size, "F, while it slides")
     yield at.effect(
         "coulomb",
@@ -196,6 +200,8 @@ def _hysteresis(at: _At) -> Effect:
     name = at.role.state.name
     distance = quotient(at.state_unit, "1/s")
 
+    # dz/dt = (v − |v|·z)/s with |v| = v·sign(v): z follows the path ∫v dt, not the time, and tends to ±1 in
+    # sliding. With s → 0 it is Coulomb friction.
     def rate(m: Scope, p: Own) -> Scalar:
         return (at.x(m) - at.x(m) * at.direction(m) * p.bending) / p.distance
 
@@ -269,6 +275,8 @@ def _of_store(at: _At) -> Iterator[Effect]:
         confused=("power_law", "offset", "threshold"),
     )
 
+    # k·x·|x/span|^(n − 1) instead of k·|x|^n: odd in x, and k has the unit of the linear loss whatever the
+    # exponent, with the same loss at x = span.
     def power_law(m: Scope, p: Own) -> Scalar:
         x = at.above(m)
         relative = absolute(x, constant_like(at.role.state.scale, x)) / constant_like(at.span, x)
@@ -332,6 +340,9 @@ def _limit(at: _At) -> EffectParameter:
 def _storage(at: _At) -> Effect:
     name = at.role.state.name
 
+    # The second store y₂ obeys τ·dy₂/dt = s − y₂. Its state is the difference y = s − y₂, which is 0 in
+    # steady state, hence right at the start of a record that begins at rest: dy/dt = ds/dt − y/τ. `m.rate`
+    # contains this term itself only through y, so there is no algebraic loop.
     def rate(m: Scope, p: Own) -> Scalar:
         return m.rate(name) - p.difference / p.time
 

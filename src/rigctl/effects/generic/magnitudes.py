@@ -75,6 +75,8 @@ class Magnitudes:
         return value if math.isfinite(value) else 0.0
 
     def _largest_rates(self) -> dict[str, float]:
+        # At rest all rates are near 0. The typical one is the largest over a star of points around the start:
+        # one state or one input at the end of its range at a time.
         rates = dict.fromkeys(self._states, 0.0)
         for point in self._points():
             for name in rates:

@@ -72,6 +72,8 @@ def offers(family: ModelFamily) -> tuple[Offer, ...]:
 
 
 def _offers(family: ModelFamily) -> Iterator[Offer]:
+    # Should two slots give effects of one name, the first in the family's order keeps it. Rivals that the
+    # family does not get are dropped, so that an answer never names an effect that does not exist.
     sizes = Magnitudes(family)
     effects_by_role = [(role, tuple(_at(family, role, sizes))) for role in slot_roles(family)]
     names = {effect.name for _, effects in effects_by_role for effect in effects}

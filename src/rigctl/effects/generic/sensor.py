@@ -1,4 +1,10 @@
-"""Effects of a sensor: deviations of the reading from the true value."""
+"""Effects of a sensor: deviations of the reading from the true value.
+
+In: the slot at a `Reading` and the typical sizes. Out: effects there. Each is written as ``w = z − x``, with
+x the reading's formula without this slot, whose derivative follows from the equations of the states it
+reads. A bench without states has no such x(t): there the same slot takes dependences on the settings
+(proportional, square, beyond a threshold, hysteretic), which is what its model may lack.
+"""
 
 from __future__ import annotations
 
@@ -63,6 +69,8 @@ class _EffectBuilder:
         self.unit = role.slot.unit
         self.shown = role.output.shown or self.unit
         self.interval = interval_unit(self.shown)
+        # The range of the reading from the ranges of the states it reads, by its slopes at the start; a bench
+        # without states has only the value itself.
         self.span = sum(abs(slope) * sizes.state(state) for state, slope in role.slopes.items()) or (
             sizes.reading(self.name) or 1.0
         )
@@ -198,10 +206,14 @@ class _EffectBuilder:
         """Backlash: the reading stays constant while the true value reverses. The initial side is unknown."""
         pace = self.span / self.time
 
+        # The side on which a record begins is unknown, and an EffectState starts at a fixed value: the state
+        # is z − z₀, and z₀ is a shape that a diagnosis tries at ±1.
         def side(p: Own) -> Scalar:
             return p.play + p.side
 
         def rate(m: Scope, p: Own) -> Scalar:
+            # With z = ±1 as fixed points of dz/dt = (ẋ − |ẋ|·z⁵)/s the play is nearly that of an ideal
+            # backlash (z^∞), but with a slope that a fit can use. Jumps of inputs are not part of ẋ.
             speed = self.role.rate(m)
             size = speed * sign(speed, constant_like(1e-3 * pace, speed))
             return (speed - size * side(p) ** _SHARP) / p.distance

@@ -1,7 +1,9 @@
 """Where family-independent effects may act in a family, derived from its equations.
 
-Each slot is traced through the equations to what it changes: the rate of one state, a reading, an input, or
-the time of its switches.
+In: a family. Out: for each slot its role, which is what `balance`, `sensor` and `actuator` need in order to
+write effects there: the rate of one state (with the direction and the gain of a term), a reading, an input,
+or the time of its switches; or the reason why none can act. Each slot is traced through the equations by a
+variable in its place, so that a family of a user's gets a library without declaring what its slots mean.
 """
 
 from __future__ import annotations
@@ -163,6 +165,8 @@ class _Probed:
         self.graph = Graph()
         known = self._variables()
         self.surroundings = {name: known[name] for name in known if _SURROUNDINGS & set(name.split("_"))}
+        # Each slot adds a variable of its own, the probe. Wherever the finished equations contain that
+        # variable, the slot acts; nobody has to declare it.
         scope = Scope(family, known, additions=[self._probe(slot) for slot in family.slots])
         self.rates = {state.name: self.graph.expression(scope.rate(state.name)) for state in family.states}
         self.readings = {
@@ -206,6 +210,8 @@ class _Probed:
     def _point(self) -> dict[str, float]:
         """The point at which the equations are evaluated: slightly beside the start."""
         family = self.family
+        # At the start itself a slope may vanish (of an even function, at a speed of 0), which would read as
+        # "it does nothing"; half a relevant change beside it does not.
         at = {state.name: state.start + 0.5 * state.scale for state in family.states}
         at |= {item.name: item.value for item in family.inputs}
         at |= {parameter.name: parameter.value for parameter in family.parameters}
@@ -216,6 +222,9 @@ class _Probed:
         return at
 
     def role(self, slot: Slot) -> Role:
+        # The order of the cases decides: by what the slot declares of itself (a factor, a delay of commands),
+        # then by its name (a derived slot of an input enters every equation that uses the input), and only
+        # then by the equations that contain its probe.
         probe = self._of(slot)
         states = [name for name, rate in self.rates.items() if probe in variables_of(rate)]
         if slot.combine == "product":
@@ -232,6 +241,8 @@ class _Probed:
         if given is not None:
             return Given(slot, given, given.name in self.surroundings)
         read = [output for output in self.family.outputs if probe in variables_of(self.readings[output.name])]
+        # A slot that is found in a reading and in a rate is not an error of the sensor: what it adds moves
+        # the process.
         if read and not states:
             return self._reading(slot, read[0])
         if len(states) != 1:
@@ -239,6 +250,8 @@ class _Probed:
         return self._balance(slot, states[0])
 
     def _balance(self, slot: Slot, name: str) -> Role:
+        # d(ds/dt)/dw. Its sign tells a force from a drag, an inflow from an outflow; its size, e.g. 1/mass or
+        # 1/capacity, converts the typical rate of the state into a typical size of the term.
         slope = evaluate(derivative(self.rates[name], self._of(slot)), self.at)
         if not slope or not math.isfinite(slope):
             return UnusableSlot(slot, "it does nothing where the family starts")
@@ -261,6 +274,8 @@ class _Probed:
     def _reading(self, slot: Slot, output: OutputVariable) -> Role:
         expr, probe = self.readings[output.name], self._of(slot)
         slope = derivative(expr, probe)
+        # Effects of a sensor are written for z = g(x) + w. With any other slope, or inside a definition that
+        # other equations share, their sizes would not be those of the reading.
         if not slope.constant or abs(float(slope.value)) != 1.0 or slot.name in self.inside:
             return UnusableSlot(slot, f"it is not simply added to the reading {output.name}")
         same = self._offered(output)

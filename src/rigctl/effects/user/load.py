@@ -1,4 +1,10 @@
-"""Read an effect file."""
+"""Read an effect file.
+
+In: YAML text with formulas in the language of `rigctl.expressions`; nothing in it is executed. Out: an
+`Effect` as the shipped library declares it, or every mistake with its line. All checks, of names, units,
+bounds, and of the term within the family's equations, are made here, so that an effect from a file needs no
+caution later.
+"""
 
 from __future__ import annotations
 
@@ -77,6 +83,10 @@ def _build(document: Document) -> Effect:
     family = reader.read(("family",), partial(find_family, written.family, document.path))
     reader.stop_at_errors()
     assert family is not None  # noqa: S101 - the reader has stopped where it is
+    # Errors are collected within a stage and reported together; a stage begins only after the previous one is
+    # without errors, since a term with an unknown parameter, say, would be reported once more for each of its
+    # uses. Stages: family and mentioned names, parameters, terms and curves, the declaration as a whole, and
+    # last the equations with the effect written into them.
     _check_mentions(reader, written, family)
     parameters = tuple(_parameters(reader, written, family))
     reader.stop_at_errors()

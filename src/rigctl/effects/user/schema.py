@@ -1,4 +1,10 @@
-"""An effect file as a user writes it."""
+"""An effect file as a user writes it.
+
+The fields, their types, and what can be decided without the family: whether there is one way of stating the
+term, and whether a curve's points and band are in order. Names, units and formulas are read in
+`rigctl.effects.user.load`, which knows the family. The descriptions of the fields are in the schema that
+`rigctl schema effect` prints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The declarations in a family file: names, units and numbers, before any formula is parsed."""
+"""The declarations in a family file: names, units and numbers, before any formula is parsed.
+
+In: the validated file. Out: a family whose equations are placeholders (`unwritten`); faulty declarations are
+left out and reported. Formulas may use any name of the file in any order, so all names and their dimensions
+have to be known before the first formula is read.
+"""
 
 from __future__ import annotations
 

@@ -44,6 +44,8 @@ class _Writer:
 
     def __init__(self, reader: Reader, family: ModelFamily) -> None:
         self.reader = reader
+        # A formula may name every variable, and every slot: there, the slot's name stands for the sum or the
+        # product of the effects, so that the author decides where in an equation they act.
         self.types = dict(variable_types(family))
         self.types |= {slot.name: type_of_unit(slot.unit, difference=True) for slot in family.slots}
         self.sums = frozenset(slot.name for slot in family.slots if slot.combine == "sum")

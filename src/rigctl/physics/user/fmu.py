@@ -1,7 +1,9 @@
 """A family whose equations are in an FMU: the family file names it, and maps our names to its variables.
 
-Only the FMU's description is read here. Its outputs are the family's states, as if each had a rate of its
-own: what is read of them, and every effect on a reading or a command, stays in equations.
+In: the family file; of the FMU, only its description is read. Out: a family with a `Program`. The FMU's
+outputs become the family's states, as if each had a rate of its own: what is read of them, and every effect
+on a reading or a command, stays in equations, with their derivatives and units. No slot lies inside the FMU,
+since nothing can be added to equations that are not visible.
 """
 
 from __future__ import annotations
@@ -137,6 +139,8 @@ def fmu_family(document: Document, taken: Iterable[str]) -> ModelFamily:
     assert about is not None  # noqa: S101 - the reader has stopped where it is
     program = _connected(reader, written, about)
     reader.stop_at_errors()
+    # The declarations are checked by the same code as those of a family with equations; its placeholders for
+    # rates and outputs are replaced afterwards.
     family = declare(reader, _as_equations(written, about, program))
     reader.stop_at_errors()
     return with_edge_slots(

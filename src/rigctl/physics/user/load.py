@@ -53,6 +53,10 @@ def _build(document: Document, taken: Iterable[str]) -> ModelFamily:
             "there is a model family of this name already", value=written.family, expected="another name"
         )
         reader.refuse(("family",), error)
+    # 1. names, units and numbers; 2. formulas, with the types of all names; 3. the whole family in symbols,
+    #    evaluated near its start. Errors are collected within a step, and a step begins only after the one
+    #    before is without any. Slots are derived last: the author's own equations are examined, not the
+    #    wrapped ones.
     declared = declare(reader, written)
     reader.stop_at_errors()
     family = write_equations(reader, written, declared)

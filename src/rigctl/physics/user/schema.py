@@ -1,4 +1,9 @@
-"""A family file as a user writes it."""
+"""A family file as a user writes it.
+
+The fields, their types, and what can be decided without reading a formula. Names, units and numbers are read
+in `rigctl.physics.user.declare`, formulas in `rigctl.physics.user.equations`. The descriptions of the fields
+are in the schema that `rigctl schema family` prints.
+"""
 
 from __future__ import annotations
 
