@@ -143,6 +143,8 @@ def _table(arguments: Sequence[Node], types: Mapping[str, ValueType]) -> Typed:
 
 def _as_difference(typed: Typed) -> Typed:
     """Return a literal in degC read as a difference; anything else unchanged."""
+    # "0.5 degC" is 273.65 K as a point and 0.5 K as a difference. Which of the two is meant shows only in its
+    # surroundings, so the literal is kept in `written` until an operation decides.
     if typed.written is None:
         return typed
     literal = typed.written
@@ -168,11 +170,15 @@ def _condition(operator: str, typed: Typed) -> Node:
 
 def _alike(verb: str, operands: Sequence[Typed]) -> list[Typed]:
     """Return operands, which must have one type; literals in degC are read in the way the others require."""
+    # Dimensions first: a message about points and differences would only confuse if the two are not even
+    # temperatures.
     first = _number(operands[0], verb)
     for other in operands[1:]:
         _number(other, verb)
         if other.type.dimension != first.type.dimension:
             raise RigctlError(f"cannot {verb} {first.type} and {other.type}", expected=first.type.wanted)
+    # One difference among them decides: every literal in degC is then a difference too, and a point (a
+    # channel, say) that cannot be re-read is an error.
     if any(operand.type.temperature == "difference" for operand in operands):
         operands = [_as_difference(operand) for operand in operands]
         if any(operand.type.temperature == "point" for operand in operands):
@@ -313,6 +319,7 @@ def _product(operator: str, verb: str, left: Typed, right: Typed) -> Typed:
     result = ValueType(a * b if operator == "*" else a / b)
     if not result.is_temperature:
         return Typed(node, result)
+    # A point has an arbitrary zero: 2·(20 degC) has no meaning, 2·(20 K) has.
     kinds = (left.type.temperature, right.type.temperature)
     if "point" in kinds:
         raise RigctlError(f"cannot {verb} a temperature by a number", hint=_KELVIN_HINT)
@@ -326,6 +333,7 @@ def _power(base: Typed, exponent: Typed) -> Typed:
     node = Binary("^", base.node, exponent.node)
     if base.type.dimension.dimensionless:
         return Typed(node, NUMBER)
+    # The dimension of x^n must be known before anything is evaluated, hence n as a written number.
     if not isinstance(exponent.node, Constant) or abs(exponent.node.value) > _LARGEST_EXPONENT:
         raise RigctlError(
             f"the exponent of {base.type} must be a number as written",

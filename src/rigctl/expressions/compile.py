@@ -1,6 +1,9 @@
 """Compiles a checked tree to nested closures over a row of values, fast enough for every sample.
 
-No code of the user is executed. `position < 1 mm` becomes one comparison of a row's entry with a number.
+In: a tree from `rigctl.expressions.check`, whose literals are SI constants, and the names of the row's
+columns. Out: a function of a row. Names become indices and operators become functions here, once; no code of
+the user is executed, and nothing is parsed or looked up by name during a record. `position < 1 mm` becomes
+one comparison of a row's entry with a number.
 """
 
 from __future__ import annotations
@@ -110,6 +113,8 @@ def place_of(node: Name | Variable, index: Mapping[str, int]) -> int:
 def _binary(node: Binary, index: Mapping[str, int]) -> Number:
     compute = _ARITHMETIC[node.operator]
     left, right = compile_number(node.left, index), compile_number(node.right, index)
+    # A constant operand is bound here, once, instead of being called for in every sample; likewise the
+    # comparison of one channel with a number below. Conditions run at every sample of a record.
     if isinstance(node.right, Constant):
         value = node.right.value
         return lambda row: compute(left(row), value)

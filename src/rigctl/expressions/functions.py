@@ -1,4 +1,9 @@
-"""The functions of the grammar, and arithmetic that never raises: undefined values are NaN."""
+"""The functions of the grammar, and arithmetic that never raises: undefined values are NaN.
+
+A condition is evaluated while a bench moves, on whatever the sensors report: an exception there would end
+the run. NaN passes through all arithmetic, and every comparison with it is false. The same smooth functions
+exist in `rigctl.engine.symbols`, where models are compiled; here they are for single numbers.
+"""
 
 from __future__ import annotations
 

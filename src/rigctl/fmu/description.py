@@ -1,4 +1,10 @@
-"""What an FMU says of itself in its ``modelDescription.xml``; nothing of it is executed."""
+"""What an FMU says of itself in its ``modelDescription.xml``; nothing of it is executed.
+
+In: the path of an FMU. Out: its real scalar variables, with units as factor and offset to SI, and how it can
+be simulated. The description is read in full before the FMU is allowed to run, so that wrong names, units
+and platforms are found without executing foreign code. A unit is first read as rigctl writes it, then as
+Modelica does (``kg.m2``), and last by the FMU's own definition in base units.
+"""
 
 from __future__ import annotations
 
@@ -119,6 +125,8 @@ class Description:
         one = self.variable(name)
         if not one.unit:
             return Port(name, one.reference, 1.0, 0.0)
+        # The factor and offset of an affine unit follow from two points: offset = SI(0), factor = SI(1) −
+        # SI(0).
         unit = self.unit(name)
         if unit is not None:
             offset = float(unit.to_si(0.0))
@@ -205,6 +213,8 @@ def _variable(one: Any) -> Variable:
         value = getattr(one, name, None)
         return value if value is not None else getattr(one.declaredType, name, None)
 
+    # Only such a value survives the initialisation; anything else that is set before it would be computed
+    # anew.
     kept = one.causality == "parameter" or one.initial == "exact"
     return Variable(
         name=str(one.name),

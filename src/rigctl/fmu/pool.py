@@ -1,4 +1,10 @@
-"""The processes that simulate the FMU of a model: one for each core, which stay for the whole command."""
+"""The processes that simulate the FMU of a model: one for each core, which stay for the whole command.
+
+In: jobs, one simulation of one record with one set of parameters each. Out: their outputs, in order. An FMU
+gives no derivatives, so a fit takes differences: each of its steps simulates every record once for every
+free parameter. Each process imports and loads the FMU once, hence processes that stay; and differences of an
+FMU that is not deterministic would be noise, hence the check of the first job.
+"""
 
 from __future__ import annotations
 
@@ -100,6 +106,8 @@ class Pool:
             return []
         began = perf_counter()
         try:
+            # The first job alone: it tells whether the FMU is deterministic and, by its time, whether all
+            # jobs together would take hours. Only then are the others dealt out, every n-th one to a process.
             first = self._each(jobs[:1])[0] if self._steady else self._twice(jobs[0])
             self._require_time(perf_counter() - began, len(jobs))
             rest = jobs[1:]
@@ -128,6 +136,8 @@ class Pool:
         try:
             if process is None:
                 process = self._new()
+            # All requests are sent before the first result is awaited, so that the process is never idle
+            # between two simulations.
             for job in jobs:
                 starts = np.concatenate([job.parameters, job.starts[self._settable]])
                 process.request(job.points, job.drives, starts)

@@ -1,4 +1,9 @@
-"""The process that simulates an FMU, ended when a simulation takes too long."""
+"""The process that simulates an FMU, ended when a simulation takes too long.
+
+In: an FMU, its connected variables, and simulations in SI. Out: rows of outputs in SI, or when and why it
+failed. This is the side of rigctl; the other side is `rigctl.fmu.worker`. An FMU is foreign compiled code,
+which may crash or hang: the loss is then one process, and the error says of which simulation.
+"""
 
 from __future__ import annotations
 
@@ -99,6 +104,8 @@ class FmuProcess:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        # Killed, not asked to end: it may hang in the FMU's code. Its end closes the pipes, on which both
+        # threads return.
         self._child.kill()
         self._child.wait()
         self._requests.put(None)
@@ -169,6 +176,8 @@ class FmuProcess:
         RigctlError
             the process ends, or needs longer than `patience` s.
         """
+        # A blocking read could not be interrupted, neither by the deadline nor by Ctrl-C; the answers come
+        # through a queue instead, which is looked at in short intervals.
         latest = time.monotonic() + patience
         while time.monotonic() < latest:
             with suppress(Empty):

@@ -262,6 +262,9 @@ class _Integration:
         for _ in range(_MOST_EVENTS):
             if one.time >= end:
                 return
+            # To the next point, or to the next time event of the FMU if that comes first. After a step three
+            # things can call for event mode: a zero crossing found by CVODE, the FMU's own wish after a
+            # completed step, and a time event that is due.
             event, goal = False, min(end, max(self._following, one.time))
             if goal > one.time:
                 event, _, one.time = self._solver.step(one.time, goal)
@@ -312,6 +315,8 @@ def _simulated(program: _Program, points: Floats, drives: Floats, starts: Floats
         if one is not None:
             one.free()
     if one is not None:
+        # An FMU may go on with NaN: the first row that is not finite is the failure, and what follows is not
+        # used.
         good = np.isfinite(rows[: one.done])
         if not good.all():
             row = int(np.argmin(good.all(axis=1)))

@@ -82,6 +82,8 @@ def _bits(frame: str) -> int:
 
 def _characters(lines: Lines) -> int:
     """Characters of the queries made for each sample and of their answers; a number has one at least."""
+    # Only the least number of characters is known (a number has one digit or more), so that the capacity is
+    # an upper bound: a rate above it is impossible, one below it may still be.
     count = 0
     for query in lines.queries:
         if query.every is not None:

@@ -1,4 +1,8 @@
-"""A preview in a terminal: a tree in which long sweeps show only their first point."""
+"""A preview in a terminal: a tree in which long sweeps show only their first point.
+
+In: a `Preview`, and warnings on the rig. Out: lines and trees for `rich`, which is imported when something
+is drawn. What is uncertain is marked in words ("about", "at most") by the basis of the estimate.
+"""
 
 from __future__ import annotations
 
@@ -99,6 +103,8 @@ def _tree(node: PreviewNode, everything: bool) -> Tree:
 
 
 def _grow(tree: Tree, node: PreviewNode, everything: bool) -> None:
+    # Only the first point of a sweep is drawn, and the others become one line with their total; iterations
+    # are told from the sweep's cleanup by their kind.
     shown = node.children
     hidden: tuple[PreviewNode, ...] = ()
     if node.kind == GroupKind.FOR.value and not everything:

@@ -1,4 +1,10 @@
-"""The preview of a plan: durations, records, sweep sizes, limits and warnings as a tree."""
+"""The preview of a plan: durations, records, sweep sizes, limits and warnings as a tree.
+
+In: a plan, bound to its rig. Out: a `Preview` with a node for every node of the plan. Nothing is moved and
+nothing is simulated: each step forecasts its own duration and the state it leaves, by the simple balances of
+`rigctl.plan.forecast`, so that a preview of a long campaign takes no time. Each duration carries the basis
+on which it rests, and a sum carries that of its least certain part.
+"""
 
 from __future__ import annotations
 
@@ -155,6 +161,9 @@ def preview(plan: Plan) -> Preview:
     bench = bench_of(plan.rig)
     start = initial_state(bench)
     walker = _Walker(bench, start)
+    # One state (temperature, pressure, position) is carried along in the order of execution, since each
+    # step's duration depends on where the one before left the bench. Blocks that run only after a failure are
+    # forecast from there too, but leave no trace in state, totals or limits.
     roots = [walker.visit(plan.root)]
     roots += [walker.visit_uncounted(block) for block in (plan.on_failure, plan.on_abort) if block]
     if plan.finally_ is not None:
@@ -218,6 +227,8 @@ class _Walker(Visitor[PreviewNode]):
 
     def loop(self, node: Loop) -> PreviewNode:
         """The forecast of a loop: that of its first round times the number of rounds."""
+        # The second round is not the first: it begins where the first ended (oil already warm, rod already
+        # out). From the second on, rounds are taken to be alike.
         first = self.group(node.body)
         times = node.count
         if times == 0:

@@ -94,6 +94,9 @@ def refuse_slow_answers(plan: Plan, takes: float, device: str = "") -> None:
         if loop_on is not None and device not in ("", plan.rig.device_of(loop_on)):
             continue  # the loop does not read it
         rate = plan.rig.rate_of(device, wanted) if device else wanted
+        # Of r samples per second at most 1/takes arrive; the share 1 − 1/(r·takes) that is missing must not
+        # exceed what the record accepts, which is r·takes·(1 − accepted) ≤ 1, with a margin for a busy
+        # computer.
         if rate * takes * (1.0 - accepted) > 1.0 + _MARGIN:
             raise RigctlError(
                 f"{node.label}: {rate:g} Hz is more than {who} can deliver: "

@@ -1,7 +1,9 @@
 """A slider for every parameter, a switch for every effect.
 
-A slider's ends are the bounds of a fit, or five standard deviations around the prior's mean. It is
-logarithmic if the ends span decades.
+In: a model. Out: the controls that a page shows, with their ends, scale and unit. A slider's ends are the
+bounds of a fit, or five standard deviations around the prior's mean, so that what can be set by hand is what
+a fit could find; a typed value may go beyond the slider, within the bounds. It is logarithmic if the ends
+span decades, as those of most conductances and compliances do.
 """
 
 from __future__ import annotations
@@ -146,6 +148,8 @@ def _of_family(model: Model, name: str) -> Slider:
     setting = model.parameters.get(name)
     unknown = parameter_unknown(model, name)
     low, high = unknown.lower, unknown.upper
+    # A slider needs two ends; where the bounds leave one open, it is a multiple of the family's usual value.
+    # A prior then narrows them, but never past the present value, which must stay on the slider.
     if not math.isfinite(high):
         high = max(_WIDE * abs(declared.value), value) or 1.0
     if not math.isfinite(low):

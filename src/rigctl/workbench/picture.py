@@ -92,6 +92,8 @@ def coarse_picture(
     seconds: float = 0.0,
 ) -> Picture:
     """The picture of the simulated records; `fitted` are the indices of those not held out."""
+    # Weighted as in a fit, (model − measured)/σ, but without refitting anything: at coarse pictures the
+    # record-level parameters are those of the last exact one.
     errors = {}
     for k, outputs in simulated.items():
         error = (outputs - problem.records[k].values) / problem.sigma[k]

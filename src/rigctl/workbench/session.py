@@ -138,6 +138,9 @@ class Workbench:
 
     def changes(self, state: State) -> Changes:
         """The difference between the state and the model in the file."""
+        # Differences are counted against the model in the file, not against the last step: they become the
+        # arguments of one command. A parameter that an effect's removal (or its base physics) sets anyway is
+        # not a change of its own.
         added = tuple(s.name for s in self.switches if s.name in state.on and not s.on)
         removed = tuple(s.name for s in self.switches if s.name not in state.on and s.on)
         base = {p for s in self.switches if s.base and s.name not in state.on for p in _base(s, self.model)}
@@ -248,6 +251,7 @@ class Workbench:
         budget: s for it; infinite for all records.
         """
         start = time.monotonic()
+        # Read once: `settle` may replace it in another thread while this picture is computed.
         settled = self._settled
         problem = self._equations_for(state, settled)
         chosen = self._coarse(problem, shown, budget)
@@ -327,6 +331,8 @@ class Workbench:
 
     def _moved(self, problem: Problem, state: State) -> Problem:
         """The problem with the values of a state; equations and data are unchanged."""
+        # The compiled equations stay as they are; a state is only another vector of base parameters, and
+        # other initial states where these follow from parameters.
         values, system = self._values(state), problem.compiled.system
         base = problem.base.copy()
         for index, name in enumerate(system.parameter_names):
@@ -360,6 +366,8 @@ class Workbench:
         """Indices of records: those shown, then others spread over all, as many as the time allows."""
         count = len(problem.records)
         cost = self._cost.get(problem.compiled.source.digest, 0.0)
+        # How many simulations fit into the budget, from the measured time of earlier ones with the same
+        # equations; before the first, the least number.
         room = budget / cost if cost else (_FEWEST if math.isfinite(budget) else math.inf)
         wanted = int(min(count, max(_FEWEST, len(shown), room)))
         spread = [int(k) for k in np.linspace(0, count - 1, wanted).round()]

@@ -48,6 +48,8 @@ class Tank:
 
     def after(self, temperature: float, seconds: float, pressure: float, heating: bool) -> float:
         """The temperature (K) after `seconds` with constant pressure (Pa, gauge) and heating."""
+        # The density, and with it the heat capacity, depends on the temperature that is sought: one step with
+        # the capacity at the start, then one with that at the middle.
         rough = self._after(temperature, seconds, pressure, heating, self.heat_capacity(temperature))
         middle = self.heat_capacity(0.5 * (temperature + rough))
         return self._after(temperature, seconds, pressure, heating, middle)

@@ -38,6 +38,8 @@ def end_stops(m: Scope) -> Scalar:
     """Force of the stops at 0 and at full stroke on the piston: spring and damper during contact."""
     before_start = -m.position
     beyond_end = m.position - m.stroke
+    # Only one stop is touched at a time, so both share a formula: the spring pushes inwards by its
+    # compression, and the damper acts while there is contact, in either direction of motion.
     spring = positive_part(before_start, CONTACT_WIDTH) - positive_part(beyond_end, CONTACT_WIDTH)
     touching = smooth_step(before_start, CONTACT_WIDTH) + smooth_step(beyond_end, CONTACT_WIDTH)
     return m.end_stop_stiffness * spring - m.end_stop_damping * touching * m.velocity

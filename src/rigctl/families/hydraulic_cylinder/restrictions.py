@@ -1,4 +1,8 @@
-"""Flow through the valves: turbulent restrictions, in series with one another and with a laminar line."""
+"""Flow through the valves: turbulent restrictions, in series with one another and with a laminar line.
+
+Every function is smooth over all pressures and openings, with the corners of ``sqrt`` and ``max`` rounded
+far below what a bench resolves: a fit needs derivatives at rest, where pressures are equal and edges closed.
+"""
 
 from __future__ import annotations
 
@@ -43,6 +47,9 @@ def restricted_flow(
     resistance: of a laminar line in series, in Pa*s/m^3.
     turbulence: of bends and fittings in series, in Pa*s^2/m^6.
     """
+    # With 1/k² = 1/K² + turbulence this is the quadratic Q²/k² + R·Q = |dp|, whose positive root is Q =
+    # 2k·|dp|/(R·k + √((R·k)² + 4·|dp|)). In this form, other than in −R·k + √(…), nothing cancels when the
+    # laminar line dominates, and dp in place of |dp| in the numerator gives the sign without a branch.
     k = conductance / sqrt(1.0 + conductance * conductance * turbulence)
     magnitude = absolute(pressure_drop, ROOT_WIDTH)
     laminar = resistance * k

@@ -46,6 +46,7 @@ RADIATION = Effect(
 
 def _between(number: int) -> tuple[str, Term]:
     def term(m: Scope, p: Own) -> Scalar:
+        # The term at each heater is minus the other's: what one loses, the other gains.
         temperature, other = m[f"temperature_{number}"], m[f"temperature_{3 - number}"]
         return p.conductance * (other - temperature) + radiated(m, p.area, other, temperature)
 
@@ -70,6 +71,8 @@ HEATER_COUPLING = Effect(
 
 
 def _power_law(m: Scope, p: Own) -> Scalar:
+    # The size of the effect is the exponent itself, 0 when it is off. The reference of 30 K is where the law
+    # with any n equals the linear one, so that n bends the loss without changing its level there.
     size = absolute(m.difference, 0.1)
     return power(size / constant_like(_REFERENCE_DIFFERENCE, m.difference), p.exponent)
 

@@ -3,7 +3,7 @@
 The force of a seal does not reverse immediately with the direction of motion: its lip first bends by a few
 hundredths of a millimetre, and while it is bent the piston sticks and a pressure difference between the
 chambers persists. Dahl's state z is the deflection, −1 to 1, with ``dz/dt = (v − |v|·z)/s``; at ±1 the lip
-slides.
+slides. Every law of dry friction here is a size times that z, so that none has a discontinuity at rest.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ def _presliding() -> EffectParameter:
 
 
 def _bending_rate(m: Scope, p: Own) -> Scalar:
+    # v| with a corner at rest that has a derivative: v·tanh(v/v₀).
     speed = m.velocity * tanh(m.velocity / constant_like(_REST, m.velocity))
     return (m.velocity - speed * p.bending) / p.presliding
 

@@ -1,4 +1,9 @@
-"""Leakage through laminar gaps, ``Q = k * dp / mu``."""
+"""Leakage through laminar gaps, ``Q = k * dp / mu``.
+
+Each effect is one gap between two spaces, and its conductance k, a volume, is a property of the gap alone:
+the viscosity is the model's, so that one k holds for cold and for hot oil. A gap may be given as a clearance
+instead; the fit uses k, in which the flow is linear.
+"""
 
 from __future__ import annotations
 
@@ -87,6 +92,7 @@ PISTON_LEAKAGE = Effect(
 def _port_flow(chamber: str) -> tuple[tuple[str, Term], ...]:
     side = chamber[-1]
 
+    # In neutral both lands of a port leak: k·(p_S − p) in and k·p out balance at p = p_S/2, whatever k is.
     def from_supply(m: Scope, p: Own) -> Scalar:
         return gap_flow(m, p.conductance, m.supply_pressure, m[chamber])
 

@@ -1,4 +1,9 @@
-"""Measurement errors of the sensors."""
+"""Measurement errors of the sensors.
+
+Terms at the slots of readings only: what the bench does is unchanged. Lags and slack have states of their
+own; the other terms are proportional to their parameter. Where a fitted parameter of the model or the start
+of a record does the same to the readings, `needs` says what else would show the error.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +26,8 @@ _THERMOCOUPLE_RESOLUTION = 0.2
 
 
 def _play_rate(m: Scope, p: Own) -> Scalar:
+    # ds/dt = v·(1 − 2·s·sign(v))/(h + 0.1 mm): s tends to ±1/2 over the travel h + 0.1 mm, not over a time.
+    # The 0.1 mm keep the rate finite at h = 0, where the effect is off and s has no influence.
     still = constant_like(_STILL, m.velocity)
     travel = p.width + constant_like(_TAKE_UP, m.position)
     return (m.velocity - 2.0 * p.side * m.velocity * tanh(m.velocity / still)) / travel

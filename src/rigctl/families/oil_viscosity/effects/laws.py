@@ -28,6 +28,8 @@ MODULUS_VISCOSITY = modulus_viscosity(
 
 
 def _walther(m: Scope, p: Own) -> Scalar:
+    # Slots multiply Vogel's law, so another law enters as the ratio of the two, (ν_W/ν_V)^share: exactly 1 at
+    # share 0 and Walther's law at share 1.
     vogel = oil.vogel(m.temperature, m.vogel_a, m.vogel_b, m.vogel_c) / m.true_density
     squared_metres = constant_like(1.0, vogel)
     ratio = oil.walther(m.temperature, p.a, p.b) * squared_metres / vogel

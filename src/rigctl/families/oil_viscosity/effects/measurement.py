@@ -10,6 +10,8 @@ _FAMILY = "oil_viscosity"
 
 
 def _end_loss(m: Scope, p: Own) -> Scalar:
+    # ν_read − ν = e/ν_read is quadratic in the reading; this is its positive root less ν, in the form that
+    # does not cancel for thick oil, where the correction is small.
     true = m.true_kinematic_viscosity
     return 2.0 * p.correction / (true + sqrt(true * true + 4.0 * p.correction))
 
