@@ -1,6 +1,10 @@
 """What an answer consists of: every result is worded once, as blocks, and each place that shows it renders
 blocks.
 
+A module of `rigctl.answers` takes a result of the analysis and returns blocks; a terminal, a page and a
+notebook render the same blocks, so that they cannot say different things. An `Answer` is what a reader sees
+first: a title with its tone, one sentence, a few facts; the evidence is the blocks below it, on demand.
+
 A text has no mark-up and no full stop at its end; units and names are those of the files (``degC``,
 ``valve_leakage``). What a page prints instead (°C, valve leakage) is the matter of its renderer.
 """

@@ -1,4 +1,8 @@
-"""A comparison in words: how well the models agree, where the last one fails, and the figures behind it."""
+"""A comparison in words: how well the models agree, where the last one fails, and the figures behind it.
+
+In: a `Comparison` of one or more models on the same data. Out: an `Answer` about the last model, which is
+the one in question, and the evidence: statements, then the numbers of every test, channel and place.
+"""
 
 from __future__ import annotations
 
@@ -73,6 +77,7 @@ def comparison_answer(comparison: Comparison) -> Answer:
     and what has to be known before it is trusted."""
     models, last = comparison.models, comparison.models[-1]
     verdict = last.adequacy.verdict
+    # The last model is the one of the answer; the others are what it is compared with.
     facts = [("beside", model.statement) for model in models[:-1]]
     facts += [("fit", fit_text(last)), ("error", _error(models)), ("free model", free_model_text(last))]
     if verdict is False:

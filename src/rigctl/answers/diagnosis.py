@@ -1,4 +1,9 @@
-"""A diagnosis in words: what is missing, how certain that is, and what that rests on."""
+"""A diagnosis in words: what is missing, how certain that is, and what that rests on.
+
+In: a `Diagnosis`. Out: an `Answer` with the facts a reader needs in order to act, and the evidence with the
+ranking of all effects. The sentence is `rigctl.answers.verdict`'s; here it gets its sizes, doubts and next
+steps.
+"""
 
 from __future__ import annotations
 
@@ -66,6 +71,8 @@ _SIGNATURE = "the grey line is the residual of the model in the worst record; th
 def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     """What is missing, its size, how certain that is, its effect on the error, and what is left; with what
     has to be known before it is trusted."""
+    # The order in which a reader decides: how large the effect is, what else it could be, where was looked,
+    # how certain it is, and what it does to the error.
     if diagnosis.verdict is Verdict.ADEQUATE and not diagnosis.doubt:
         facts = [
             ("fit", fit_text(diagnosis.before)),
@@ -87,6 +94,8 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     facts.append(("its law", laws[0] if laws else ""))
     facts.append(("decided by", "; or ".join(decisions(diagnosis.decided_by))))
     facts.append(("sensors", _sensors(diagnosis)))
+    # Open rather than good or bad wherever the verdict depends on something these data do not decide: a free
+    # model that does better, an unknown noise, or sensors that may be wrong.
     unsure = (
         diagnosis.contradicted
         or diagnosis.doubt

@@ -1,4 +1,9 @@
-"""The search for a formula in words: where a term is missing, its curve, and the formulas for it."""
+"""The search for a formula in words: where a term is missing, its curve, and the formulas for it.
+
+In: a `Discovery`. Out: an `Answer` and its evidence. There are three kinds of result, in this order: no
+search was made, and why; no term is significant; a term is, with the formulas that remain. A formula that
+does not predict held-out conditions is shown, but marked as not accepted.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +44,8 @@ _RIVALS = 5
 
 def discovery_answer(discovery: Discovery) -> Answer:
     """The statement, the location, the size, and each formula in a line."""
+    # A search is made only where the library has no answer. A closed gate is therefore an answer of its own,
+    # with what to do instead.
     gate = discovery.gate
     files = [f"written to {one.file.as_posix()}" for one in discovery.formulas if one.file is not None]
     more = (
@@ -332,6 +339,8 @@ def too_weak(searched: Map) -> str:
             f"{strength(best.size)}, but its residuals vary so much from record to record that "
             f"chance alone may explain it ({chance_text(best.p_value)}); record more conditions"
         )
+    # The size of a term in σ grows with √n of independent records, so that the records needed grow with the
+    # square of what is lacking.
     factor = max((searched.needed / best.size) ** 2 if best.size else math.inf, 1.1)
     more = f", or about {factor:.2g} times as many records like these" if factor < 100.0 else ""
     return (
@@ -355,6 +364,8 @@ def _found(discovery: Discovery) -> str:
         text += f" at {first.slot}"
     if first.alike:
         text += f" ({len(first.alike)} more are equivalent in these data)"
+    # The nearest formula may still be a bad one: with so much left it is not named as what is missing,
+    # whatever its rank.
     if first.left > STAND_IN:
         over = " and ".join(row[0] for row in first.valid)
         return (

@@ -1,4 +1,9 @@
-"""The machine-readable form of results that have evidence, which is given in sentences."""
+"""The machine-readable form of results that have evidence, which is given in sentences.
+
+In: results of the analysis. Out: plain dictionaries for JSON, in the units of the rig, with missing numbers
+as null. Results that need no words have a `document` of their own; these are here because they contain the
+same sentences as the answers, and the analysis does not import its wording.
+"""
 
 from __future__ import annotations
 

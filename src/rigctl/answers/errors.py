@@ -1,4 +1,9 @@
-"""The errors of models in words: the systematic error, its change, and the error on records held out."""
+"""The errors of models in words: the systematic error, its change, and the error on records held out.
+
+In: falls of the systematic error by channel (`rigctl.answers.systematic_error`), fits. Out: clauses, ""
+where there is nothing to say. An error is stated in the unit of its channel only beyond the noise: below it,
+the root mean square is that of the noise.
+"""
 
 from __future__ import annotations
 
@@ -65,6 +70,9 @@ def error_text(channel_falls: Sequence[ChannelFall], pattern: str = "") -> str:
         return ""
     guessed = [one.channel for one in channel_falls if one.guessed]
     note = f"; the noise of {', '.join(guessed)} is only guessed" if guessed else ""
+    # For two models the change is what matters, and it is known better than either error: its X does not
+    # depend on the noise assumed. Hence three groups of channels: those whose floor alone is known, those
+    # beyond the noise, and those within it that changed all the same.
     if len(channel_falls[0].sizes) > 1:
         changed = [one for one in channel_falls if one.changed]
         if not changed:
@@ -147,6 +155,7 @@ def _channel_in_brief(name: str, one: Mapping[str, Any]) -> str:
 
 def _per_cent(share: float) -> str:
     """A share of a variance: ``67 %``, with more digits close to 100 %, where they matter."""
+    # R² = 0.9993 would be 100 %: as many decimals as the rest needs for one digit.
     rest = 100.0 * (1.0 - share)
     digits = min(6, max(0, -math.floor(math.log10(rest)))) if 0.0 < rest < 1.0 else 0
     return f"{100.0 * share:.{digits}f} %"

@@ -1,4 +1,9 @@
-"""A frequency response in words: where the output follows the input, and where a model's response differs."""
+"""A frequency response in words: where the output follows the input, and where a model's response differs.
+
+In: a `FrequencyResponse`, measured, with a model's estimated in the same way if there is one. Out: an
+`Answer`, and a table of the lines. Only lines at which the coherence is significant are shown: elsewhere the
+estimate is one of noise.
+"""
 
 from __future__ import annotations
 
@@ -97,6 +102,7 @@ def frequency_table(one: FrequencyResponse) -> Table:
     """The lines that are shown: measured, and of the model where there is one."""
     at = np.flatnonzero(one.shown)
     if at.size > _MOST_LINES:
+        # Equal ratios of frequency, as on the axis of a Bode diagram.
         wanted = np.geomspace(*one.band, _MOST_LINES)
         nearest = np.abs(one.spectrum.frequencies[at][:, None] - wanted[None, :]).argmin(axis=0)
         at = at[np.unique(nearest)]
@@ -129,6 +135,8 @@ def _decimals(value: float, digits: int) -> str:
 
 def _row(one: FrequencyResponse, k: int) -> dict[str, Any]:
     gain, radius = one.gain(one.measured)[k], one.radius(one.measured)[k]
+    # The estimate lies within a circle of radius r around the complex gain G: hence ±20·log10(1 + r/|G|) dB
+    # and ±arcsin(r/|G|).
     share = min(radius / abs(gain), 1.0)
     row: dict[str, Any] = {
         "frequency": float(one.spectrum.frequencies[k]),

@@ -1,4 +1,8 @@
-"""Records that no fit saw, in words: how good the model is there, and what would remove its error."""
+"""Records that no fit saw, in words: how good the model is there, and what would remove its error.
+
+In: a `HeldOutGroup`. Out: sentences, in the order in which one would look for the cause: the errors, when
+they occur, in which record, and which single change of the model would remove them.
+"""
 
 from __future__ import annotations
 
@@ -38,6 +42,9 @@ def sentences(evaluated: HeldOutGroup) -> tuple[str, ...]:
 
 def _what_is_wrong(evaluated: HeldOutGroup) -> list[str]:
     """The time series of the error, where most of it is, and what would remove it."""
+    # From what is seen to what explains it: when in a record it is wrong, whether one record has most of it,
+    # which single change (a start, values, an effect) would remove it, and only if none does, where a term is
+    # missing.
     parts = [course_text(evaluated.fit, evaluated.course.get(name, ())) for name in evaluated.worse]
     parts.append(_one_record(evaluated))
     parts += [_remedy(evaluated, one) for one in evaluated.remedies[:1]]

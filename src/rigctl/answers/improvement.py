@@ -1,4 +1,9 @@
-"""An improved model in words: what was added, how the error changed, and what is left."""
+"""An improved model in words: what was added, how the error changed, and what is left.
+
+In: an `Improvement`, with one diagnosis for each step. Out: an `Answer` with the total change of the error,
+and the evidence of every step. An addition that could have been another effect is said to be so: the most
+probable one was added.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +37,8 @@ from rigctl.units import parse_unit
 def improvement_answer(improvement: Improvement) -> Answer:
     """What was added, how the error changed, and what the current model still lacks."""
     text = statement(improvement)
+    # The error before all steps and after them, on the same data; without a step there is one fit and no
+    # change.
     fits = [*([improvement.first.before.fit] if improvement.steps else []), improvement.last.before.fit]
     lefts = [left_of(one.before) for one in (improvement.first, improvement.last)][-len(fits) :]
     facts = [

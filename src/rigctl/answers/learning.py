@@ -1,4 +1,9 @@
-"""The result of letting a bench learn, for a reader who has a minute."""
+"""The result of letting a bench learn, for a reader who has a minute.
+
+In: a `Learned`, whose rounds each have a prediction and what was achieved. Out: an `Answer`, blocks below
+it, and rows and bars for the page. The heading follows from how the loop ended, and the sentence from the
+result that ended it (a diagnosis, a design, a run), so that the loop has no wording of its own for them.
+"""
 
 from __future__ import annotations
 
@@ -78,6 +83,8 @@ def _of_round(ended: LearningEnd, last: Round) -> str:
 
 def outcome(one: Round) -> str:
     """What came of a round's prediction, as it was recorded if the round was read; "" if nothing did."""
+    # A round is an experiment on the design itself: its predicted gain is stated beside what the data then
+    # gave. That comparison holds only if the data still point to one of the explanations it was designed for.
     predicted, achieved = one.predicted, one.achieved
     if achieved is None:
         return ""

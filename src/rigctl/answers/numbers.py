@@ -1,4 +1,9 @@
-"""Numbers, units and times as a page prints them: true minus signs, °C and mm², no needless digits."""
+"""Numbers, units and times as a page prints them: true minus signs, °C and mm², no needless digits.
+
+In: values, or texts of answers in the notation of files. Out: text for a page. Sentences are converted at
+the very end, by the renderer, so that before it every name and unit can be copied back into a file or a
+command.
+"""
 
 from __future__ import annotations
 
@@ -95,6 +100,7 @@ def with_unit(text: str, unit: str) -> str:
 
 def decimals(values: Iterable[float], digits: int = 4) -> int:
     """The number of decimals that gives the largest of the values `digits` significant digits."""
+    # One number of decimals for a column, by its largest value: the points then stand above one another.
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if largest == 0.0:
         return 0

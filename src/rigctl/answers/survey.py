@@ -1,4 +1,9 @@
-"""A survey in words: what has changed since when, the runs, and every quantity that was tested."""
+"""A survey in words: what has changed since when, the runs, and every quantity that was tested.
+
+In: a `Survey` of many runs. Out: an `Answer` on the changes, and tables of runs, tests and changes. A change
+is said of the nearest quantity, with all others that these runs do not distinguish from it; single outlying
+runs are listed apart, since they are no change.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +36,7 @@ _KINDS = {"parameter": "of each run", "held": "shared", "effect": "effect"}
 
 def survey_answer(survey: Survey, written: Sequence[Path] = ()) -> Answer:
     """The changes, the number of runs behind them, and the runs without information; the files `written`."""
+    # One change is the sentence of the answer; the next ones follow as facts, and the rest by name only.
     first, *others = [sentence(survey, change) for change in survey.changes] or [statement(survey)]
     facts = [("and", sentence) for sentence in others[: _CHANGES - 1]]
     rest = [change.quantity.name for change in survey.changes[_CHANGES:]]
@@ -268,6 +274,8 @@ def sentence(survey: Survey, change: Change) -> str:
         levels = [_amount(change.quantity, level) for level in change.levels[:_LEVELS]]
         more = f" and {len(change.levels) - _LEVELS} more" if len(change.levels) > _LEVELS else ""
         verb = f"changed in steps, {', '.join(levels)}{more}"
+    # Two dates are stated: when it began, estimated from all runs, and the run from which on it was
+    # significant, which is later.
     since = lines[min(change.steps[0] if change.steps else shape.begins, len(lines) - 1)]
     first = lines[min(change.first_sure, len(lines)) - 1]
     text = (

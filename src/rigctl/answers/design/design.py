@@ -1,4 +1,8 @@
-"""A designed experiment in words: the records, what they distinguish, and the rivals."""
+"""A designed experiment in words: the records, what they distinguish, and the rivals.
+
+In: a `DesignResult`. Out: the answer, the tables of its evidence, and the page. Every probability is a
+prediction under one rival, assumed to be right, so that a table has a row for each pair and direction.
+"""
 
 from __future__ import annotations
 
@@ -54,6 +58,8 @@ def design_answer(result: DesignResult) -> Answer:
     ]
     facts += [(f"record {number}", in_words(one)) for number, one in enumerate(result.records, start=1)]
     probable = {one.name for one in result.rivals if one.weight > 1.0 / ODDS}
+    # A pair is named as hardly distinguished only if the one assumed true is probable at all: a pair of
+    # improbable rivals is of no interest, however alike the two are.
     alike = {
         frozenset((one.truth, one.rival)): f"{one.truth} and {one.rival}"
         for one in result.outlooks

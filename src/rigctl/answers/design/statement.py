@@ -1,4 +1,9 @@
-"""A designed experiment in words: what it distinguishes, how reliably, and why each record is taken."""
+"""A designed experiment in words: what it distinguishes, how reliably, and why each record is taken.
+
+In: a `DesignResult`. Out: sentences, for the answer and for the comments of the procedure file, so that
+whoever runs it reads the same. The cases follow from the aim: to distinguish explanations, to detect one
+effect at all, or to determine its size.
+"""
 
 from __future__ import annotations
 
@@ -49,6 +54,8 @@ def statement(design: DesignResult) -> str:
         return (
             f"no record that this bench can make distinguishes {names}{_sensor(design)}{_calibration(design)}"
         )
+    # A pair is distinguished only if it is so whichever of the two is right: the power is not symmetric,
+    # since each rival is refitted to the other's data.
     together = [pair for pair in pairs if _least(design, pair) < HALF]
     chance = f"with a probability of {probability(design.after)}, now {probability(design.before)}"
     if design.separable:

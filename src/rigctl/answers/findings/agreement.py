@@ -1,6 +1,9 @@
-"""What a comparison says of one model, in a sentence: whether it agrees, and if not, where and how it fails.
+"""What a comparison says of one model, in a sentence: whether it agrees, and if not, where and how it
+fails.
 
-The facts are those of a `ModelComparison`; `rigctl.answers.comparison` makes the answer of blocks around it.
+In: the facts of a `ModelComparison`. Out: text without a full stop; `rigctl.answers.comparison` makes the
+answer of blocks around it. Nothing is decided here: the cases follow from the verdict of the tests and from
+what is known of the noise, and each states the number on which it rests.
 """
 
 from __future__ import annotations
@@ -26,6 +29,8 @@ _SAID = 0.005
 
 def statement(model: ModelComparison) -> str:
     """The result in one plain sentence."""
+    # The stated errors of sensors come first: where they are a part of the answer, the tests on their own say
+    # "adequate" or "not" of something else than the reader asks.
     if model.sensors is not None and model.adequacy.only_misread:
         return (
             f"{beyond_text(model.sensors)}; with that error {model.name} agrees with the measurements "
@@ -49,6 +54,9 @@ def _of_tests(model: ModelComparison) -> str:
     chance = chance_text(adequacy.p_value)
     if model.rows:
         return table_statement(name, adequacy, model.rows, direction_text(model.trends))
+    # From what forbids a verdict to what gives one. An error below the noise, a stated noise that the data
+    # contradict and a noise known only by its floor each leave a p-value that looks like any other, but
+    # decides nothing.
     if adequacy.below_noise:
         return (
             f"{name} deviates from the measurements by less than their noise: a test detects a pattern "
@@ -156,6 +164,8 @@ def _unusable_text(fit: FitResult, name: str) -> str:
 def _channel_text(fit: FitResult, channel: ChannelNoise) -> str:
     error, unit = fit.errors[channel.name], fit.problem.measurements.unit_of(channel.name)
     left = f"of {channel.name} an error of {show(error.rmse, unit, difference=True, digits=2)} is left"
+    # What bounds the noise decides what can be said: what the rig file states, else the white floor; and only
+    # if the error is near that floor, whether the rounding of the readings explains it.
     if channel.allowed:
         return f"{left}; {_beyond_what_is_stated(fit, channel, unit)}"
     if not channel.floor:

@@ -1,4 +1,9 @@
-"""The evidence of a diagnosis in sentences."""
+"""The evidence of a diagnosis in sentences.
+
+In: `Evidence`, each with its quantity, value, threshold and the result behind it. Out: one sentence each, by
+a table from quantity to wording, marked for or against. The analysis decides what is evidence and for which
+side; only the words are chosen here.
+"""
 
 from __future__ import annotations
 
@@ -62,6 +67,9 @@ def _power(one: Evidence) -> str:
 
 def _size(one: Evidence) -> str:
     """Its size relative to the noise, and whether it is significant in the model as given."""
+    # The size is that of the fitted effect; the p-value is that of the score test at its null, corrected for
+    # the whole library. They differ where an effect shows only together with others, or only at a finite size
+    # (a threshold), and the sentence says which.
     p = _found(one, Ranked).score_p_value
     text = f"it stands out from the noise by {one.value:.1f} sigma"
     if one.quantity == "joint_size":
@@ -112,6 +120,8 @@ def rival_text(rival: Rival) -> str:
 
 def _lacking(rival: Rival) -> str:
     """Which of the conditions for being distinguishable are not met."""
+    # A pair counts as told apart only if all conditions hold; each one that fails is named with its number,
+    # since each asks for other data.
     parts = []
     if rival.separation < LEAST_SEPARATION:
         parts.append(f"d = {rival.separation:.2f}, at least {LEAST_SEPARATION} is needed")

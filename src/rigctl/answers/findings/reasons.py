@@ -1,4 +1,8 @@
-"""Why a set of effects may not be what is missing, in clauses."""
+"""Why a set of effects may not be what is missing, in clauses.
+
+In: `Reason`s, which the search gives where it does not name a set with certainty. Out: one clause each,
+which fits into a sentence of a verdict, of an improvement that stopped, or of the evidence.
+"""
 
 from __future__ import annotations
 

@@ -164,6 +164,8 @@ def _against_floor(
     unit = parse_unit(shown)
     sizes = tuple(left.get(noise.name, 0.0) for left in remaining)
     squares = [one.rmse**2 for one in errors]
+    # (Σe₁² − Σe₂²)/(Σe²_better/n)·1/τ, with τ readings for one independent one: without a noise level the
+    # better model's own residuals are the scale, as in an F test.
     better = min(squares[0], squares[-1]) or 1.0
     return ChannelFall(
         channel=noise.name,
@@ -203,6 +205,9 @@ def left_of(model: ModelComparison) -> dict[str, float]:
         return {}
     unproven = errors_beside_floor(model.fit, model.adequacy.unproven)
     beyond = {one.label for one in model.where if one.by == "channel" and one.p_value < ALPHA}
+    # X = max(Σz² − number of z, n·(χ²_red − 1)), z the normalised means of one channel's residuals over the
+    # phases of the records. The first sees a mean shift that is far below the noise of one reading; the
+    # second an oscillation whose mean in a phase is 0.
     columns: dict[str, list[int]] = {}
     for column, label in enumerate(model.linearisation.regions.labels):
         columns.setdefault(label[1], []).append(column)
@@ -254,6 +259,8 @@ def lefts_of_diagnosis(diagnosis: Diagnosis) -> list[dict[str, float]]:
     unproven = errors_beside_floor(fit, diagnosis.unproven_after)
     if diagnosis.remainder is None:
         return [before, unproven]
+    # The remainder has one size for all channels. Its squares are divided among them like the excess of their
+    # whitened squares: S_c = S·√(X_c/ΣX).
     errors = {name: one for name, one in fit.errors.items() if name not in fit.problem.noise.own_scale}
     parts = {name: max(one.count * (one.chi2_reduced - 1.0), 0.0) for name, one in errors.items()}
     total = sum(parts.values())

@@ -1,4 +1,9 @@
-"""What a table shows about a model, in sentences: how far off it is, where, and what to measure next."""
+"""What a table shows about a model, in sentences: how far off it is, where, and what to measure next.
+
+In: findings on single values (`rigctl.analysis.single_values`). Out: sentences. A table has few values and
+often no replicates, so its answer says more than a test: the worst row, the ends, what refitting the
+constants changes, and how large an effect would have to be in order to be seen.
+"""
 
 from __future__ import annotations
 

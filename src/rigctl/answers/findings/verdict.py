@@ -1,4 +1,10 @@
-"""The verdict of a diagnosis in sentences."""
+"""The verdict of a diagnosis in sentences.
+
+In: a `Diagnosis` and its `Conclusion`, which has one class for each kind of result. Out: a `Statement`: the
+opening names the effects and what is uncertain, the text adds what they are and what they leave. There is
+one branch for each class, and no threshold is applied here except for wording: a sentence that is too
+certain would be a fault of the conclusion.
+"""
 
 from __future__ import annotations
 
@@ -78,6 +84,9 @@ def doubt_text(diagnosis: Diagnosis) -> str:
 
 def _of(diagnosis: Diagnosis) -> Statement:
     """The statement, with what was not searched where nothing is named for it."""
+    # Where the model is an FMU, only its edges are searched. What is named there may stand for something
+    # inside, so the answer says so: always where nothing in the library explains it, and for named effects
+    # only where what is left is beyond doubt no noise.
     said = _concluded(diagnosis)
     program = diagnosis.before.fit.problem.model.family.program
     if program is None:
@@ -319,6 +328,8 @@ def _capitalised(text: str) -> str:
 
 def title(diagnosis: Diagnosis) -> str:
     """The verdict as a short title."""
+    # The order matters: several named effects are a verdict of their own; any doubt then takes precedence
+    # over every other title, and an error of a sensor over "adequate".
     if diagnosis.verdict is Verdict.MISSING_EFFECT and len(diagnosis.effects) > 1:
         return f"{len(diagnosis.effects)} effects are missing"
     if diagnosis.contradicted or diagnosis.doubt or diagnosis.verdict is Verdict.UNDECIDED:

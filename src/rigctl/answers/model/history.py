@@ -1,4 +1,9 @@
-"""The versions of a model in words: what made each, and how the error fell."""
+"""The versions of a model in words: what made each, and how the error fell.
+
+In: the versions of one model file. Out: an `Answer` for the present one, and tables of all. Errors of
+versions are comparable only on the same runs with the same records held out; where these differ, the answer
+says so.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""A set-point schedule and its check in words."""
+"""A set-point schedule and its check in words.
+
+In: a `Schedule`, or the `Verdict` of its check. Out: an `Answer` with the set-points and where they end,
+notes on what limits their use, and the sentence on the check. A schedule is as good as its model: the answer
+says over which range it was measured, and the notes say where it does not agree or is extrapolated.
+"""
 
 from __future__ import annotations
 
@@ -158,6 +163,8 @@ def check_text(verdict: Verdict) -> str:
     )
     if math.isfinite(verdict.bound):
         return f"{text}, below {verdict.bound:.2f} with 95 % confidence"
+    # If the schedule did nothing, each pair would favour it with probability 1/2: n pairs that all do have
+    # the probability 2⁻ⁿ, which must fall below the level.
     fewest = math.ceil(math.log2(1.0 / LEVEL))
     return f"{text}, " + (
         f"so few pairs give no bound; {fewest} are the fewest" if verdict.pairs < fewest else "no bound"
