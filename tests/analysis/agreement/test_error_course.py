@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from made_fit import RECORDS, SIZE, made_fit, made_noise
-from rigctl.analysis.agreement.error_course import error_course
+from rigctl.analysis.agreement.error_course import dependence, error_course
 from rigctl.answers.held_out import course_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.units import significant
@@ -73,3 +76,20 @@ def test_the_condition_that_the_error_depends_on_is_named_with_its_extremes() ->
 
 def test_an_error_equal_in_all_records_depends_on_no_condition() -> None:
     assert " at oil " not in said(made_fit(made_noise(), 1, in_hold))
+
+
+def test_a_condition_at_whose_ends_the_errors_hardly_differ_does_not_hide_another() -> None:
+    """The errors follow the oil most closely, but not at its lowest and highest values."""
+    fit = made_fit(made_noise(), 1, in_hold)
+    stretch = replace(error_course(fit, "position")[0], peak=12.0, by_record=np.linspace(10.0, 13.8, RECORDS))
+    oil = [0.5, 0.0, *range(2, RECORDS - 2), 11.0, 10.5]
+    supply = [0.0, 3.0, 1.0, 5.0, 2.0, 7.0, 4.0, 9.0, 6.0, 10.0, 8.0, 11.0]
+    problem: Any = fit.problem
+    problem.records = tuple(
+        replace(record, condition={"oil": oil[k], "supply": supply[k]})
+        for k, record in enumerate(problem.records)
+    )
+    problem.measurements = replace(problem.measurements, records=problem.records)
+    found = dependence(fit, stretch)
+    assert found is not None
+    assert (found.variable, found.ends) == ("supply", ((0.0, 10.0), (11.0, 13.8)))

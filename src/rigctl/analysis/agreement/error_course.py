@@ -149,11 +149,11 @@ def dependence(fit: FitResult, stretch: Stretch) -> Dependence | None:
             continue
         follows = abs(float(np.corrcoef(values[good], stretch.by_record[good])[0, 1]))
         if follows > best + _BETTER * (found is not None):
-            best = follows
             indices = np.flatnonzero(good)
             low, high = (indices[int(pick(values[good]))] for pick in (np.argmin, np.argmax))
             if abs(stretch.by_record[high] - stretch.by_record[low]) < _CHANGES * abs(stretch.peak):
                 continue
+            best = follows
             first, last = ((float(values[at]), float(stretch.by_record[at])) for at in (low, high))
             found = Dependence(name, (first, last))
     return found
