@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import islice
 from types import ModuleType
 
 import numpy as np
@@ -28,6 +29,8 @@ from rigctl.engine.least_squares import (
     multi_start,
     null_columns,
 )
+from rigctl.engine.least_squares.solve import attempts
+from rigctl.engine.least_squares.state import State, Task, Trust
 from rigctl.engine.simulate import simulate
 from rigctl.errors import RigctlError
 
@@ -274,6 +277,38 @@ def test_steps_to_residuals_that_are_not_finite_are_rejected() -> None:
     assert result.value("a") == pytest.approx(5.0)
     with pytest.raises(RigctlError, match=r"no value at the start of the fit: a residual is not a finite"):
         least_squares(evaluate, [Unknown("a", 1.0)], [()])
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10_000), st.floats(0.2, 18.0), st.floats(0.02, 9.0), st.sampled_from([20.0, 2.9]))
+def test_a_search_continued_from_any_of_its_states_goes_the_same_way(
+    seed: int, amplitude: float, rate: float, most: float
+) -> None:
+    problem = Decays(records=2, seed=seed)
+    unknowns = [
+        Unknown("amplitude", min(amplitude, most), 0.1, most),
+        Unknown("rate", rate, 0.01, 10.0, prior=Prior(1.0, 2.0)),
+    ]
+    task = Task.of(problem, unknowns, problem.local(), Options(iterations=12))
+    blocks = task.blocks(task.start, derivatives=True)
+    assert not isinstance(blocks, Refused)
+    at = task.linearised(task.start, task.cost(blocks, task.start), blocks)
+    first = State(at, Trust(0.3, 0.3))
+
+    def went(state: State) -> list[tuple[object, ...]]:
+        """Every attempt from there, with all digits."""
+        return [
+            (one.state.at.flat.tobytes(), one.state.at.cost, one.state.trust, one.accepted, one.ended)
+            for one in islice(attempts(state), 12)
+        ]
+
+    states = [one.state for one in islice(attempts(first), 12)]
+    whole = went(first)
+    # continued after the search has ended, from states that it left long ago
+    for number in {1, len(states) // 2} - {0}:
+        assert went(states[number - 1])[: len(whole) - number] == whole[number:]
+    found = least_squares(problem, unknowns, problem.local(), options=task.options)
+    assert (found.cost, found.iterations) == (states[-1].at.cost, len(states))
 
 
 def test_the_outcome_of_a_fit_is_reported() -> None:

@@ -12,11 +12,12 @@ taken, lengthened or shortened (`acceptance.tried`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import count, islice
 
 from rigctl.engine.least_squares.acceptance import Attempt, bolder, dared, tried
-from rigctl.engine.least_squares.block import Block, Evaluate, Refused
+from rigctl.engine.least_squares.block import Block, Evaluate, Floats, Refused
 from rigctl.engine.least_squares.identifiability import null_columns
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.state import Iterate, Options, State, Task, Trust
@@ -65,51 +66,51 @@ def least_squares(
     section 3.2; J. J. Moré, The Levenberg-Marquardt algorithm (1978); R. M. Chamberlain and others, The
     watchdog technique for forcing convergence, Math. Programming Study 16 (1982) 1.
     """
-    task = Task(evaluate, tuple(unknowns), tuple(tuple(each) for each in local), options or Options())
-    reach = task.options.largest_step
-    state = State(_at_start(task), Trust(reach, reach))
-    outcome, message, number = Outcome.ITERATIONS, "The allowed iterations were used up", 0
-    while number < task.options.iterations:
-        number += 1
-        attempt = _attempt(state)
+    options, evaluations = options or Options(), count()
+
+    def counted(shared: Floats, own: Sequence[Floats], derivatives: bool) -> Sequence[Block] | Refused:
+        next(evaluations)
+        return evaluate(shared, own, derivatives)
+
+    start, number = _at_start(Task.of(counted, unknowns, local, options)), 0
+    attempt = Attempt(start, accepted=False)
+    for number, attempt in enumerate(islice(attempts(start), options.iterations), start=1):
         if progress is not None and attempt.largest is not None:
-            at = attempt.state.at
-            progress(Iteration(number, at.cost, attempt.largest, attempt.accepted, attempt.reason))
-        state = attempt.state
-        if attempt.ended is not None:
-            outcome, message = attempt.ended
-            break
-    return conclude(
-        state.at.arrow,
-        task.unknowns,
-        task.local,
-        state.at.point,
-        cost=state.at.cost,
-        residual_count=state.at.residual_count,
-        outcome=outcome,
-        message=message,
-        iterations=number,
-        evaluations=task.evaluations[0],
-    )
+            cost = attempt.state.at.cost
+            progress(Iteration(number, cost, attempt.largest, attempt.accepted, attempt.reason))
+    outcome, message = attempt.ended or (Outcome.ITERATIONS, "The allowed iterations were used up")
+    return conclude(attempt.state.at, outcome, message, iterations=number, evaluations=next(evaluations))
+
+
+def attempts(state: State) -> Iterator[Attempt]:
+    """The iterations of a search from a state on; the last one has `ended`.
+
+    They depend on nothing but that state: a search continued from any of its states goes the same way.
+    """
+    ended = None
+    while ended is None:
+        attempt = _attempt(state)
+        state, ended = attempt.state, attempt.ended
+        yield attempt
 
 
 def _attempt(state: State) -> Attempt:
     """One iteration: the step, what came of it, and whether the fit ends."""
     before, bounded = state.at.cost, state.step()
-    bold, attempt = bolder(state, bounded), None
-    if bold is not None:
-        attempt = dared(state, *bold)
-        state = attempt.state
-    if attempt is None or not attempt.accepted:
-        ended = at_end(state, bounded)
+    # first a step with less damping, where damping alone keeps the step short
+    bold = bolder(state, bounded)
+    attempt = Attempt(state, accepted=False) if bold is None else dared(state, *bold)
+    if not attempt.accepted:
+        # the tests of the end, before an evaluation that would be wasted
+        ended = at_end(attempt.state, bounded)
         if ended is not None:
-            return Attempt(state, accepted=False, ended=ended)
-        attempt = tried(state, bounded)
+            return replace(attempt, ended=ended)
+        attempt = tried(attempt.state, bounded)
     state = replace(attempt.state, falls=(*attempt.state.falls, before - attempt.state.at.cost))
     return replace(attempt, state=state, ended=attempt.ended or out_of_patience(state))
 
 
-def _at_start(task: Task) -> Iterate:
+def _at_start(task: Task) -> State:
     blocks = task.blocks(task.start, derivatives=True)
     if isinstance(blocks, Refused):
         raise NoValueAtStart(
@@ -117,7 +118,8 @@ def _at_start(task: Task) -> Iterate:
         )
     start = task.linearised(task.start, task.cost(blocks, task.start), blocks)
     _refuse_null_columns(start, blocks)
-    return start
+    reach = task.options.largest_step
+    return State(start, Trust(reach, reach))
 
 
 def _refuse_null_columns(start: Iterate, blocks: Sequence[Block]) -> None:

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,47 +59,42 @@ class Options:
 
 @dataclass(frozen=True)
 class Task:
-    """What is minimised over which unknowns, the shared ones first.
+    """What is minimised, and over which unknowns.
 
-    `evaluations` holds one entry, the number of evaluations so far: it is work done, and not undone with a
-    step.
+    Attributes
+    ----------
+    unknowns, local: the shared unknowns, and those of each record.
+    lower, upper, size, priors: bounds, typical sizes and priors of all of them, in the order of a flat
+        `Vector`: the shared ones first.
+    nonlinear: which of them are damped, and limited by the box.
     """
 
     evaluate: Evaluate
     unknowns: tuple[Unknown, ...]
     local: tuple[tuple[Unknown, ...], ...]
     options: Options
-    evaluations: list[int] = field(default_factory=lambda: [0])
+    lower: Floats
+    upper: Floats
+    size: Floats
+    nonlinear: NDArray[np.bool_]
+    priors: Priors
 
-    @cached_property
-    def all(self) -> tuple[Unknown, ...]:
-        """Every unknown, in the order of a flat `Vector`."""
-        return (*self.unknowns, *(unknown for record_local in self.local for unknown in record_local))
-
-    @cached_property
-    def lower(self) -> Floats:
-        """Their lower bounds."""
-        return np.array([unknown.lower for unknown in self.all])
-
-    @cached_property
-    def upper(self) -> Floats:
-        """Their upper bounds."""
-        return np.array([unknown.upper for unknown in self.all])
-
-    @cached_property
-    def size(self) -> Floats:
-        """Their typical sizes."""
-        return np.array([unknown.size for unknown in self.all])
-
-    @cached_property
-    def nonlinear(self) -> NDArray[np.bool_]:
-        """Which of them are damped, and limited by the box."""
-        return np.array([not unknown.linear for unknown in self.all], dtype=bool)
-
-    @cached_property
-    def priors(self) -> Priors:
-        """Their priors."""
-        return Priors.of(self.all)
+    @classmethod
+    def of(
+        cls,
+        evaluate: Evaluate,
+        unknowns: Sequence[Unknown],
+        local: Sequence[Sequence[Unknown]],
+        options: Options,
+    ) -> Task:
+        """With the numbers of all unknowns in arrays."""
+        everyone = [*unknowns, *chain.from_iterable(local)]
+        numbers = np.array([(u.lower, u.upper, u.size) for u in everyone], dtype=float)
+        lower, upper, size = numbers.reshape(-1, 3).T.copy()
+        nonlinear = np.array([not unknown.linear for unknown in everyone], dtype=bool)
+        own = tuple(tuple(each) for each in local)
+        priors = Priors.of(everyone)
+        return cls(evaluate, tuple(unknowns), own, options, lower, upper, size, nonlinear, priors)
 
     @property
     def start(self) -> Vector:
@@ -107,7 +103,6 @@ class Task:
 
     def blocks(self, point: Vector, *, derivatives: bool) -> Sequence[Block] | Refused:
         """The residuals of every record at a point; `Refused` if the model has no value there."""
-        self.evaluations[0] += 1
         blocks = self.evaluate(point.shared, point.local, derivatives)
         if isinstance(blocks, Refused):
             return blocks

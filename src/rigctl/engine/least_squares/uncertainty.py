@@ -13,6 +13,7 @@ from rigctl.engine.least_squares.arrow import Arrow, Factors, Vector, eliminate,
 from rigctl.engine.least_squares.block import Block
 from rigctl.engine.least_squares.identifiability import WEAK, weak_combinations
 from rigctl.engine.least_squares.result import LeastSquaresResult, Outcome
+from rigctl.engine.least_squares.state import Iterate
 from rigctl.engine.least_squares.unknown import Unknown, prior_rows
 
 Floats = NDArray[np.float64]
@@ -21,20 +22,11 @@ _ROUNDING = 1e-13
 
 
 def conclude(
-    arrow: Arrow,
-    unknowns: tuple[Unknown, ...],
-    local: Sequence[Sequence[Unknown]],
-    point: Vector,
-    *,
-    cost: float,
-    residual_count: int,
-    outcome: Outcome,
-    message: str,
-    iterations: int,
-    evaluations: int,
+    at: Iterate, outcome: Outcome, message: str, *, iterations: int, evaluations: int
 ) -> LeastSquaresResult:
-    """The result of a fit that ended at `point`, linearised there as `arrow`."""
-    linear = _Linearised.at(arrow, unknowns, local, point)
+    """The result of a fit that ended at an iterate."""
+    unknowns, point = at.task.unknowns, at.point
+    linear = _Linearised.at(at.arrow, unknowns, at.task.local, point)
     values, weak = weak_combinations(
         linear.factors.matrix,
         np.ones(len(linear.names)),
@@ -47,8 +39,8 @@ def conclude(
         unknowns=unknowns,
         values=point.shared,
         local=point.local,
-        cost=cost,
-        residual_count=residual_count,
+        cost=at.cost,
+        residual_count=at.residual_count,
         parameter_count=int(linear.mask.flat().sum()),
         covariance=linear.covariance,
         local_std=_local_std(linear.factors, linear.inverse, linear.mask, linear.size),
