@@ -127,6 +127,7 @@ class _Cascade:
         }
 
     def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
+        # 1. the drives, the program, and what is read of it, with the exact derivatives of the readings
         courses = self._run(excitations)
         wanted = [name for name in self.columns.parameters if name in self.of_readings]
         states = [
@@ -142,6 +143,7 @@ class _Cascade:
         for k in good:
             for at, name in enumerate(read.columns):
                 slopes[k][:, :, places[name]] = read.sensitivities[k][:, :, at]
+        # 2. derivatives through the program, added to these: a parameter may act on both sides of it
         self._splines(excitations, good, courses, slopes, places)
         self._differences(excitations, good, courses, read, slopes, places)
         return self._trajectories(excitations, courses, read, slopes, failed)
@@ -204,6 +206,8 @@ class _Cascade:
         nudges: what is added to the drives of each.
         same: a record that has the same grid and drives.
         """
+        # a change that leaves the drives as they are, of a parameter of the program or its initial state,
+        # takes grid and drives of the record: only the program is run again
         known = list(same) or [None] * len(excitations)
         new = [one for one, like in zip(excitations, known, strict=True) if like is None]
         grids = [self._grid(one, times) for one, times in zip(new, self._acting(new), strict=True)]
@@ -288,6 +292,8 @@ class _Cascade:
         begin = excitation.switch_times[0]
         end = max(excitation.times[-1] if excitation.times.size else begin, begin)
         step = _interval(excitation)
+        # the drives are held over an interval of this grid, so that each command acts exactly at its time;
+        # where the effects on commands have states a drive also moves between them, fastest just after one
         points = [np.array([begin]), excitation.times, acting]
         if self.cascade.commands.system.states:
             points += [acting + share * step for share in _AFTER]
@@ -306,6 +312,8 @@ class _Cascade:
 
     def _reading(self, courses: _Courses) -> Excitation:
         one, system = courses.excitation, self.cascade.readings.system
+        # z as states of the readings' equations, whose rates are the inputs: constant over an interval, which
+        # is a line between the points. Differences of z are then differences of readings
         values = np.nan_to_num(courses.values)
         rates = np.diff(values, axis=0) / np.diff(courses.grid)[:, None]
         held = np.clip(np.searchsorted(one.switch_times, courses.grid[:-1], side="right") - 1, 0, None)
@@ -342,6 +350,7 @@ class _Cascade:
         ]
         if not through or not good:
             return
+        # the step of a column is chosen once for each model, on a few records (decision 197)
         changes = {name: self._change(name, [excitations[k] for k in good], courses) for name in through}
         for name in through:
             if name not in self.cascade.step_sizes:
@@ -374,6 +383,8 @@ class _Cascade:
             tried.append(np.concatenate([one.ravel() for one in found]))
             if len(tried) < 2:
                 continue
+            # too large a step is off by its curvature, too small a one by the program's own tolerance: where
+            # two steps agree neither is felt
             size = max(float(np.linalg.norm(tried[-1])), float(np.linalg.norm(tried[-2])))
             apart = float(np.linalg.norm(tried[-1] - tried[-2])) / size if size else 0.0
             best = min(best, (apart, _SMALLER[len(tried) - 2]))
@@ -397,6 +408,7 @@ class _Cascade:
                 moved.append(change.moved(excitations[k], step))
                 same.append(courses[k] if change.keeps_drives else None)
                 ends.append((at, step))
+        # all records and columns in one call, for which the pool of processes has work at once
         runs = self._run(moved, same=same)
         outputs = self._moved_outputs(runs, [pieces[at][2] for at, _ in ends], courses, read)
         of_piece: dict[int, list[tuple[float, Floats]]] = {}
@@ -412,6 +424,7 @@ class _Cascade:
         read: Trajectories,
     ) -> list[Floats]:
         """(samples, outputs) each minus the record's own outputs."""
+        # an output that is the program's own needs no integration of the readings
         where = self._passed(read, records)
         if where is not None:
             return [

@@ -107,6 +107,8 @@ def compile_system(
     """
     if system.foreign is not None:
         return _compile_cascade(system, system.foreign, stepping=stepping, progress=progress)
+    # the kernel first, so that a user who waits for it is told why; then the model, whose code is its key in
+    # the cache
     kernel("step" if stepping else "record", width() > 0, progress)
     source = source_of(system)
     model = load_compiled(

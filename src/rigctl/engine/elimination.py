@@ -42,6 +42,8 @@ def elimination(n: int, jacobian: Iterable[tuple[int, int]]) -> str:
 
 def _filled(n: int, given: Places) -> Places:
     """The entries of L and U, the diagonal among them."""
+    # eliminating column k fills in where its row and a lower row have entries: once for the pattern, not for
+    # the numbers
     entries = {*given, *((k, k) for k in range(n))}
     for k in range(n):
         columns = [j for j in range(k + 1, n) if (k, j) in entries]
@@ -78,9 +80,12 @@ def _factorise(n: int, given: Places, filled: Places) -> str:
     one, most = write("constant", 1.0), write("constant", _LARGEST_MULTIPLIER)
     refused = none = write("constant", 0.0)
     reach = write("negative", write("load", "reach", 0))
+    # I - h·γ·J, of the entries that can be nonzero
     matrix = {(i, j): write("*", reach, write("load", "jacobian", i * n + j)) for i, j in sorted(given)}
     for k in range(n):
         matrix[k, k] = write("+", matrix[k, k], one) if (k, k) in matrix else one
+    # the largest entry of each row in the units of the states: pressures and positions differ by twelve
+    # orders of magnitude, which is no reason to exchange rows
     unit, size = [write("load", "unit", j) for j in range(n)], []
     for i in range(n):
         largest = none
@@ -93,6 +98,8 @@ def _factorise(n: int, given: Places, filled: Places) -> str:
         for i in range(k + 1, n):
             if (i, k) not in filled:
                 continue
+            # a multiplier beyond the limit is counted rather than branched on; the kernel then factorises
+            # again, with exchanges
             factor = matrix[i, k] = write("*", matrix[i, k], matrix[k, k])
             scaled = write("*", write("fabs", factor), size[k])
             refused = write("+", refused, write("beyond", scaled, write("*", most, size[i])))

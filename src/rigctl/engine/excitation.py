@@ -80,6 +80,7 @@ class Excitation:
         if self.shifts is not None:
             object.__setattr__(self, "shifts", _frozen(self.shifts))
         for name in ("times", "switch_times", "inputs", "initial", "parameters"):
+            # a copy unless it is read-only already: a record with other parameters shares its other arrays
             object.__setattr__(self, name, _frozen(getattr(self, name)))
         _check_shapes(self)
 

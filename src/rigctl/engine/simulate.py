@@ -61,6 +61,7 @@ def simulate(
     RigctlError
         a column is unknown, or a record does not fit the system.
     """
+    # a part of the system is an FMU: its two other parts come back here
     if compiled.cascade is not None:
         return simulate_cascade(
             compiled,
@@ -78,6 +79,7 @@ def simulate(
                 "move its switches",
                 expected=str(len(shift_columns)),
             )
+    # the longest records first, by what they took last time, so that no thread ends alone with one
     known = compiled.steps
     expected = [known.get(excitation.name, 0) for excitation in excitations]
     results = in_threads(partial(_integrate, plan), excitations, workers, expected)
@@ -164,6 +166,8 @@ def _plan(
     tolerance: Tolerance,
 ) -> _Plan:
     system, source = compiled.system, compiled.source
+    # the kernel knows nothing of names: sizes, and for each packed ∂/∂q a table of its entries that the
+    # columns want, so that derivatives by other parameters cost nothing but their evaluation
     chosen = _indices("parameter", columns, system.parameter_names)
     initial = _indices("state", initial_columns, system.state_names)
     patterns = (source.rhs_pattern, source.outputs_pattern, source.delays_pattern)
@@ -248,6 +252,7 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
     bad = check_values(plan.compiled.system, excitation)
     if bad is not None:
         return _Result.nothing(plan.sizes, bad)
+    # every command of every delayed input may be waiting at once
     sizes = plan.sizes.copy()
     sizes[sizing.CAPACITY] = plan.delayed.size * excitation.switch_times.size
     samples, columns = excitation.times.size, int(sizes[sizing.COLUMNS])
@@ -262,6 +267,8 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
     inputs, shifts, ramps = _commands(excitation, int(sizes[sizing.SHIFTS]))
     counters = np.zeros(outcomes.COUNTERS, dtype=np.int64)
     returned = np.zeros(3)
+    # addresses and lengths in the order in which `kernels.record` unpacks them; the arrays are held here
+    # while it runs
     given = words_of(
         plan.compiled.addresses,
         sizes,
@@ -283,6 +290,7 @@ def _integrate(plan: _Plan, excitation: Excitation) -> _Result:
     outcome, reached, done = int(returned[0]), float(returned[1]), int(returned[2])
     for checked in (workspace, *results):
         checked.check()
+    # a record that fails keeps the samples before the failure: a reason and a time instead of NaN
     failure = None
     if outcome != outcomes.DONE:
         failure = explain(plan.compiled.system, outcome, reached, counters)

@@ -80,6 +80,8 @@ def source_of(system: System) -> Source:
         "outputs": tuple(output.expr for output in system.outputs),
         "delays": tuple(delay.expr for delay in system.delays),
     }
+    # of each kind: values alone, with ∂/∂y for the steps, with ∂/∂q for the sensitivities. One function has
+    # all of them, as derivatives share nearly all of their subexpressions with the values
     functions, patterns = [], []
     for kind, exprs in kinds.items():
         values = [("value", row, expr) for row, expr in enumerate(exprs)]

@@ -115,6 +115,7 @@ class SplineColumns:
         (entries, 5) index in the packed array, row, column, function and second function (−1 for none); and
         (entries) the factor of each.
         """
+        # by parameter, as a term appears in every row in which its parameter does
         indices: dict[int, list[tuple[int, int]]] = {}
         for index, (row, parameter) in enumerate(pattern):
             indices.setdefault(parameter, []).append((index, row))
@@ -143,6 +144,7 @@ def knots_over(low: float, high: float, functions: int, inner: Sequence[float] =
     The knots continue beyond the ends with the spacing of the outermost interval, so that the functions sum
     to 1 inside.
     """
+    # three further knots beyond each end, as a cubic function spans four intervals
     breaks = np.array([low, *inner, high]) if len(inner) else np.linspace(low, high, functions - DEGREE + 1)
     before = breaks[0] - (breaks[1] - breaks[0]) * np.arange(DEGREE, 0, -1)
     behind = breaks[-1] + (breaks[-1] - breaks[-2]) * np.arange(1, DEGREE + 1)

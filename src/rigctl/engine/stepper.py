@@ -56,6 +56,8 @@ class Stepper:
         self._commanded = _vector("inputs", inputs, len(system.inputs))
         self._scheduled: list[tuple[float, int, int, float]] = []
         self._order = count()
+        # the workspace of a record without columns, kept between calls: state, inputs, waiting commands and
+        # step size live in it
         self._sizes = np.zeros(sizing.SIZES, dtype=np.int64)
         self._sizes[sizing.N] = len(system.states)
         self._sizes[sizing.INPUTS] = len(system.inputs)
@@ -71,6 +73,7 @@ class Stepper:
         self._seen = Result("outputs", (len(system.outputs),))
         self._outputs = self._seen.values
         self._carried = np.array([float(time), 0.0, 1.0])
+        # views into that workspace, so that reading a state costs no call
         start, acting, commanded = sizing.stepping_places(self._sizes)
         self._state = self._floats[start : start + len(system.states)]
         self._state[:] = _vector("initial states", y0, len(system.states))
@@ -78,6 +81,7 @@ class Stepper:
         self._acting[:] = self._commanded
         self._floats[commanded : commanded + self._commanded.size] = self._commanded
         self._target, self._returned = np.array([float(time)]), np.zeros(2)
+        # once: the arrays stay where they are, and a call only changes what is in them
         self._words = words_of(
             compiled.addresses,
             self._sizes,
@@ -160,6 +164,7 @@ class Stepper:
             raise RigctlError(
                 "a bench cannot go back in time", value=f"{to_time:g} s", expected=f"{self.time:g} s or later"
             )
+        # from one scheduled command to the next; those at one moment act together, before the next step
         while self._scheduled and self._scheduled[0][0] <= to_time:
             moment, _, index, value = self._scheduled.pop(0)
             if moment > self._carried[_TIME]:

@@ -295,6 +295,7 @@ def _check_units(system: System) -> None:
 
 
 def _check_equations(system: System) -> None:
+    # every equation is checked for its variables and its dimension here, once: what compiles is consistent
     known = {*system.state_names, *system.input_names, *system.parameter_names}
     if system.foreign is not None:
         for drive in system.foreign.drives:

@@ -1,4 +1,9 @@
-"""A family, some effects and a bench as one system of equations for the engine."""
+"""A family, some effects and a bench as one system of equations for the engine.
+
+In: declarations, whose formulas are functions of a `Scope`, and values in SI. Out: a `System` of symbols. The
+order is fixed: everything is declared, inputs become what really acted, the effects' terms are summed into
+the slots of the family's formulas, and then each formula is called once and yields its equation.
+"""
 
 from __future__ import annotations
 
@@ -60,13 +65,19 @@ def build_system(
     chosen = find_family(family) if isinstance(family, str) else family
     used = _find(chosen, effects or {}, own_effects)
     builder = SystemBuilder()
+    # symbols by name, as formulas ask for them: states, inputs and parameters of the family, then the
+    # effects' own
     known = _declare(builder, chosen, parameter_values(chosen, rig, parameters, oil))
     for effect, values in used:
         known |= _declare_effect(builder, effect, values)
+    # under its name a formula then finds the input that acted: with the unknown of an unrecorded one, and
+    # without the error of the sensor that read it
     known |= {name: known[name] + known[qualified(RECORD, name)] for name in unrecorded}
     for item in chosen.inputs:
         of_input = [one for one in read_wrong if one.channel == item.name]
         known[item.name] = true_input(known[item.name], of_input, known)
+    # a slot is the sum of the terms of all effects in it, 0 without any; the order of the effects is sorted
+    # (`_find`), so that the same model is the same code
     scope = Scope(
         chosen,
         known,
@@ -74,6 +85,8 @@ def build_system(
         options=choices(chosen, rig),
     )
     _write_equations(builder, chosen, scope, [effect for effect, _ in used])
+    # the equations are in an FMU: it gets the inputs with the effects on them, and its outputs are states
+    # whose rate the engine does not know
     if chosen.program is not None:
         drives = [scope[item.name] + scope.total(input_slot(item.name)) for item in chosen.inputs]
         builder.foreign(chosen.program, drives, [per_second(state.unit) for state in chosen.states])
@@ -160,6 +173,8 @@ def _write_equations(
 
 def _write_delay(builder: SystemBuilder, name: str, delay: Callable[[Scalar, Scalar], Scalar]) -> None:
     """Declare the delay of an input, unless nothing delays it."""
+    # a delay may depend on the command before and after a switch, which are variables of their own; a number,
+    # zero, is no delay, and costs nothing
     commanded = [
         builder.graph.variable(f(name), builder.graph.variables[name].declared) for f in (before, after)
     ]

@@ -93,6 +93,7 @@ def combined(bands: Sequence[CurveBand], channel: str, k: int) -> Floats | None:
 
 def _of_effect(fit: FitResult, effect: str) -> list[CurveBand]:
     problem = fit.problem
+    # the whole curve at the upper and then at the lower edge of its band, by the parameter that moves it
     at = problem.compiled.system.parameter_names.index(qualified(effect, SHIFT.name))
     if qualified(effect, SHIFT.name) in {one.name for one in problem.shared}:
         return []  # a fitted curve has no band

@@ -102,6 +102,7 @@ def _values(before: Model, after: Model) -> tuple[ValueDifference, ...]:
         if was is not None and now is not None:
             if _same(was, now):
                 continue
+            # both in the unit of the new one, so that the two numbers can be compared
             was = replace(was, unit=now.unit)
         differences.append(ValueDifference(name, was, now))
     return tuple(differences)

@@ -90,10 +90,13 @@ def require_unit_of(what: str, unit: str, wanted: str) -> None:
 
 
 def _source(item: InputVariable, rig: Rig, given: Mapping[str, float]) -> InputSource:
+    # by role, then by name: a rig calls its valve what it likes
     actuators = _of_role(item, rig)
     if actuators or item.name in rig.actuators:
         commands = actuators or ((item.name, _factor(item, rig)),)
         return InputSource(item.name, 0.0, commands, hold=item.hold or "previous")
+    # nothing commands it: what the user gives, else the rig's constant, else the family's value, which counts
+    # as not stated
     known = {**rig.constants, **given}
     value = float(known.get(item.name, item.value))
     channel = item.name if item.name in rig.channels else None

@@ -1,4 +1,9 @@
-"""Read a model file."""
+"""Read a model file.
+
+In: a YAML file of the form `schema.ModelFile`. Out: a `Model`, all of it in SI. Mistakes are collected, each
+with its line, as far as what follows can still be read: without a family there are no parameters, and without
+parameters no effects, whose other forms are computed from them.
+"""
 
 from __future__ import annotations
 
@@ -68,6 +73,8 @@ def _build(document: Document, path: Path | None) -> Model:
     """The model described by a document; relative paths are searched beside `path`."""
     written = validate(document, ModelFile)
     reader = Reader(document)
+    # the family first: it says which parameters and effects there are, so that nothing else can be judged
+    # without it
     family = reader.read(("model",), partial(find_family, written.model, path))
     reader.stop_at_errors()
     assert family is not None  # noqa: S101 - the reader has stopped where it is
@@ -78,6 +85,7 @@ def _build(document: Document, path: Path | None) -> Model:
         reader.read(("oil",), partial(find_oil, written.oil))
     parameters = dict(_parameters(reader, family, written))
     reader.stop_at_errors()
+    # then all values, including the rig's and the oil's, from which effects in other forms are computed
     given = {name: value.si for name, value in parameters.items()}
     known = parameter_values(family, rig, given, written.oil)
     own_effects = tuple(_own_effects(reader, family, written, path))
@@ -85,6 +93,7 @@ def _build(document: Document, path: Path | None) -> Model:
     model = Model(
         family, rig, written.oil, parameters, {}, written.description, path, own_effects, text=document.text
     )
+    # effects last, and against each other once all are known
     effects = dict(_effects(reader, model, written, known))
     reader.read(("effects",), partial(refuse_contradictions, [*map(model.effect, effects)]), of_key=True)
     reader.stop_at_errors()
@@ -134,6 +143,7 @@ def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iter
         declared = reader.read(keys, partial(family.parameter, name), of_key=True)
         if declared is None:
             continue
+        # each field is read on its own, so that every mistake of an entry is reported at once
         value = reader.read((*keys, "value"), partial(_value, declared, setting.value))
         if setting.fit and declared.fixed:
             fixed = RigctlError(f"{name} is a dimension that no fit changes", hint="Leave 'fit' out")

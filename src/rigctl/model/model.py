@@ -1,4 +1,10 @@
-"""A model: the contents of its file, checked and in SI. Models are immutable; a change makes a new one."""
+"""A model: the contents of its file, checked and in SI. Models are immutable; a change makes a new one.
+
+In: what `load` has read, or Python functions (`Model.from_function`). Out: the equations (`Model.system`),
+every value of them (`Model.values`), which of these a fit may change (`Model.fitted`), and which are only
+assumed (`Model.assumed`). A changed model still has the text of its file: `writing.update` puts only what
+differs into it, so that comments and layout are those of its user.
+"""
 
 from __future__ import annotations
 
@@ -128,6 +134,7 @@ class Model:
         family = family_from_functions(
             name, rates, readings, states=states, inputs=inputs, parameters=parameters, outputs=outputs
         )
+        # the rig file may name this family, which is in no file
         with using_families(family):
             bench = rig if isinstance(rig, Rig) else load_rig(Path(rig))
         free = {one.name: Value(one.value, fit=True) for one in family.parameters if not one.fixed}
@@ -193,6 +200,8 @@ class Model:
         for declared in self.family.parameters:
             given = self.parameters.get(declared.name)
             value = self.values[declared.name]
+            # a standing belongs to a value: another value than the family's was put there by somebody who
+            # knew it, and has none unless the file states one
             same = value == declared.value
             standing = (given.standing if given is not None else "") or (declared.standing if same else "")
             if standing != "assumed" or (given is not None and given.fit) or declared.fixed:
@@ -280,6 +289,7 @@ class Model:
         if isinstance(name, Effect):
             return self._knowing(name).with_effect(name.name, values, fit=fit, shapes=shapes)
         effect = self.effect(name)
+        # base physics is not among `effects`: it is absent where its parameters are at their null
         removed = effect.base and all(self.values[each] == nothing for each, nothing in effect.base.items())
         if removed:
             return self._with_base(effect, present=True)
@@ -339,12 +349,16 @@ class Model:
         for name, value in values.items():
             if name not in self.values:
                 raise unknown_name("parameter of the model", name, self.values)
+            # ``effect.parameter`` or a parameter of the family
             effect, dot, parameter = name.partition(".")
             where = effects[effect] if dot else parameters
             key = parameter if dot else name
             origin = f"{source}, {NOT_DETERMINED}" if name in undetermined else source
             given = Value(float(value), std=(std or {}).get(name), source=origin)
             old = where.get(key, Value(self.values[name]))
+            # a value set to what it was, from nowhere else, keeps its uncertainty and its origin; a new one
+            # keeps what its user wrote of it: whether it is free, its unit, its prior, its range as long as
+            # it lies within
             if key not in where or given != Value(old.si):
                 limits = old.range or self.assumed.get(name)
                 where[key] = replace(

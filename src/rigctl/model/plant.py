@@ -86,10 +86,12 @@ def plant_stepper(
 
     chosen = family or family_of(rig)
     users = tuple(own_effects)
+    # the equations, with every hidden effect at its typical size unless another is given
     hidden = _resolved(chosen, effects or {}, users)
     sizes = {effect.name: effect.start | dict((effects or {})[effect.name]) for effect in hidden}
     system = build_system(chosen, sizes, rig, parameters=parameters, own_effects=users)
     start = _initial(chosen, rig, initial or {}, hidden)
+    # a relief valve is set to the pressure that the bench starts with, or it would start by losing it
     given = dict.fromkeys(rig.actuators, 0.0)
     role = rig.roles.set_pressure
     if role is not None and role.channel in start:

@@ -216,6 +216,8 @@ def calibration_errors(
     """
     errors: list[CalibrationError] = []
     for name, values in readings.items():
+        # one unknown for each part of each calibration: a channel that was calibrated between runs has two of
+        # everything, and each acts in its own runs
         good = values[np.isfinite(values)]
         calibrations = _calibrations(name, channels) if good.size else []
         for number, (channel, runs) in enumerate(calibrations, 1):
@@ -250,6 +252,7 @@ def _span(channel: Channel, readings: Floats, *, rows: bool) -> tuple[float, flo
     low, high = float(readings.min()), float(readings.max())
     if rows:
         return 0.0, max(abs(low), abs(high))
+    # without a range, from the zero of the channel's unit (0 degC is 273.15 K) to the farthest reading
     origin = channel.display.to_si(0.0, difference=channel.difference)
     reach = channel.width or 2.0 * max(abs(low - origin), abs(high - origin))
     return 0.5 * (low + high), 0.5 * max(high - low, _LEAST_SPAN * reach)
@@ -279,6 +282,8 @@ def clock_errors(
     errors = []
     for name in dict.fromkeys(name for of_run in clocks.values() for name in of_run):
         states = _states({run: of_run[name] for run, of_run in clocks.items() if name in of_run}, _statement)
+        # runs are named only where it matters: without names an error acts in every run, also in those still
+        # to come
         everywhere = len(states) == 1 and len(states[0][1]) == len(clocks)
         for number, (clock, runs) in enumerate(states, 1):
             dated = tuple(one for one in clock.channels if one in channels)

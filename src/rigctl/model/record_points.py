@@ -56,6 +56,7 @@ def _points(
     switches = list(record.switches)
     fixed = {p.name: p.value for p in family.parameters}
     for index in range(0, len(simulated.times[0]), _EVERY):
+        # a delay depends on the command before and after a switch; between switches both are the same
         earlier = dict(commands)
         while switches and switches[0][0] <= simulated.times[0][index]:
             commands |= switches.pop(0)[1]

@@ -28,6 +28,7 @@ def read_settings(model: Model, written: Mapping[str, str]) -> dict[str, float]:
     for name, text in written.items():
         effect, dot, parameter = name.partition(".")
         if dot and effect in model.effects:
+            # another form of an effect's parameter may be computed from the family's
             family = {key: value for key, value in model.values.items() if "." not in key}
             read = read_parameter(model.effect(effect), parameter, text, family)
             result |= {qualified(effect, key): value for key, value in read.items()}

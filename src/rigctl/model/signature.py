@@ -86,6 +86,8 @@ def signature(
         the record cannot be simulated, or one of `alongside` contradicts the effect.
     """
     family = effect.model_family
+    # one system for both simulations, in which parameters switch the effect: where it is off, the derivatives
+    # by them are what it would change first
     used = [each for each in (effect, *(other for other, _ in alongside)) if each.terms]
     refuse_contradictions(used)
     sizes = {other.name: dict(values) for other, values in alongside} | {effect.name: effect.start}
@@ -99,6 +101,7 @@ def signature(
         excitation = standard_excitation(family, system, parameters, effect_starts)
         return simulate(compiled, [excitation], columns=tuple(columns), tolerance=TIGHT).require()
 
+    # derivatives at the null are what a score test sees of the effect; at its typical size shapes act too
     null = {qualified(effect.name, name): value for name, value in effect.null.items()} | dict(effect.base)
     switching = [qualified(effect.name, p.name) for p in effect.parameters if not p.shape]
     off = run(null, switching)

@@ -45,6 +45,7 @@ def lookalikes(
     others = [other for other in library(family).values() if other.terms and other.name != effect.name]
     compiled = compile_system(build_system(family, superset(family), rig), progress=progress)
     system = compiled.system
+    # one integration has the derivatives by all other effects at their nulls
     effect_starts = {qualified(o.name, s.name): s.start for o in library(family).values() for s in o.states}
     columns = [qualified(o.name, p.name) for o in others for p in o.parameters if not p.shape]
     record = standard_excitation(family, system, system.nominal, effect_starts)
@@ -71,6 +72,7 @@ def _scales(effect_signature: Signature, rig: Rig | None) -> Floats:
 def _directions(changes: Floats) -> Floats:
     """An orthonormal basis of the possible changes (samples, outputs, parameters)."""
     flat = changes.reshape(-1, changes.shape[2])
+    # each column of length 1 before the factorisation: their sizes are units, not importance
     lengths = np.linalg.norm(flat, axis=0)
     visible = flat[:, lengths > _ROUNDING * max(lengths.max(initial=0.0), 1e-300)]
     basis: Floats = (
@@ -82,4 +84,5 @@ def _directions(changes: Floats) -> Floats:
 def _likeness(mine: Floats, theirs: Floats) -> float:
     if mine.shape[1] == 0 or theirs.shape[1] == 0:
         return 0.0
+    # the largest singular value of Q₁ᵀQ₂ is the cosine of the smallest principal angle
     return float(min(np.linalg.svd(mine.T @ theirs, compute_uv=False)[0], 1.0))

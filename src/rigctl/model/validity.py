@@ -1,4 +1,9 @@
-"""Where a model leaves the ranges over which the laws of its effects were learned."""
+"""Where a model leaves the ranges over which the laws of its effects were learned.
+
+In: a fit (`departures`), or a simulated bench as it runs (`RangeWatch`). Out: where a law is extrapolated, at
+the worst place of each range. It is a remark and ends nothing: to leave the range is the way to find out
+whether a law extends further (decision 67).
+"""
 
 from __future__ import annotations
 
@@ -91,6 +96,8 @@ def departures(fit: FitResult) -> tuple[Departure, ...]:
     simulated = problem.simulate(fit.values, fit.local)
     if not simulated.ok:
         return ()
+    # a range may be of any formula of the model's variables: it is evaluated along the trajectories of the
+    # fit
     every = [_known(fit, index, states) for index, states in enumerate(simulated.states)]
     worst = [
         _worst(fit, effect, side, [quantity(side, problem.model.family, effects, one, rig) for one in every])
@@ -148,6 +155,8 @@ def _known(fit: FitResult, index: int, states: Floats) -> dict[str, Scalar]:
     """Every variable of the equations along a record, as fitted."""
     problem, record = fit.problem, fit.problem.records[index]
     system = problem.compiled.system
+    # from the general to the special, each overriding the one before: the family, the model, what was held in
+    # the fit, what was fitted, the record's own, and then states and inputs as series
     known: dict[str, Any] = {parameter.name: parameter.value for parameter in problem.model.family.parameters}
     known |= problem.model.values
     known |= dict(zip(system.parameter_names, problem.base.tolist(), strict=True))
@@ -167,6 +176,7 @@ def _worst(fit: FitResult, effect: Effect, side: ValidRange, courses: Sequence[F
     """The largest excess over one range."""
     records = fit.problem.records
     margin = _MARGIN * (side.high - side.low)
+    # how far outside, zero inside; NaN, where a formula has no value, is not outside
     beyond = [
         np.broadcast_to(np.nan_to_num(np.maximum(side.low - x, x - side.high), nan=0.0), record.times.shape)
         for x, record in zip(courses, records, strict=True)

@@ -53,6 +53,7 @@ def restart(addresses, u, q, inputs, work, relative, absolute, sensitive, counte
     counters[RESTARTS] += 1
     if n == 0:  # static: nothing moves between two switches
         return DONE, math.inf
+    # k = f and dk = J·s + ∂f/∂q at this state: the explicit first stage of the next step
     if sensitive:
         call_6(addresses[RHS_TANGENT], work.y, u, q, work.k, work.jacobian, work.packed)
         for i in range(n):
@@ -76,6 +77,8 @@ def restart(addresses, u, q, inputs, work, relative, absolute, sensitive, counte
             )
     else:
         call_4(addresses[RHS], work.y, u, q, work.k)
+    # a first probe, in which an explicit step would change the state by a hundredth of its size; then, by how
+    # fast f changes over it, the step whose error is small, of order h³, hence the cube root
     set_weights(work, relative, absolute)
     size, slope = 0.0, 0.0
     for i in range(n):
@@ -116,6 +119,8 @@ def advance(addresses, switches, ramped, q, t, target, h, work, relative, absolu
             for j in range(switches.inputs):
                 switches.u[j] += (target - t) * switches.slope[j]
         return DONE, target, h
+    # the Jacobian here belongs to the state: after a switch and after a sensitive step it has been evaluated
+    # already
     fresh = sensitive
     for _ in range(_MOST_STEPS):
         left = target - t
@@ -129,6 +134,9 @@ def advance(addresses, switches, ramped, q, t, target, h, work, relative, absolu
             call_5(addresses[RHS_JACOBIAN], work.y, switches.u, q, work.value, work.jacobian)
             fresh = True
         set_weights(work, relative, absolute)
+        # the error of the step is proportional to h³: the next h brings it to the tolerance, with nine tenths
+        # for safety. Where Newton's iteration fails a shorter step helps it too, as the matrix is closer to
+        # the identity
         outcome, error = attempt(addresses, switches, ramped, q, step, work)
         if not error <= 1.0:
             counters[REJECTED] += 1
@@ -139,6 +147,7 @@ def advance(addresses, switches, ramped, q, t, target, h, work, relative, absolu
                 return NOT_FINITE_RHS if outcome == NOT_FINITE else STEP_TOO_SMALL, t, h
             continue
         counters[STEPS] += 1
+        # only once the step is accepted: a rejected one costs no derivatives
         if sensitive:
             tangent(addresses, switches, ramped, q, step, work)
         else:
@@ -149,6 +158,7 @@ def advance(addresses, switches, ramped, q, t, target, h, work, relative, absolu
         for i in range(n):
             work.y[i] = work.z[3 * n + i]
             work.k[i] = work.k[3 * n + i]
+        # exactly the target, on which samples and switches are compared
         t = target if step == left else t + step
         longer = min(5.0, max(0.3, 0.9 * error ** (-1.0 / 3.0))) if error > 0.0 else 5.0
         # a step cut short by the target says nothing against the longer one planned before

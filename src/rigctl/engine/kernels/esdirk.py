@@ -91,9 +91,12 @@ def solve_stage(addresses, u, q, z, h_gamma, rate, work):
     E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, IV.8.
     """
     n = work.n
+    # one matrix for all three stages, of the Jacobian at the step's start: the iteration converges linearly,
+    # and `rate` is its factor
     previous = math.inf
     for iteration in range(_ITERATIONS):
         call_4(addresses[RHS], z, u, q, work.value)
+        # the residual of the stage's equation, base + h·γ·f(z) - z, through the matrix: Newton's correction
         for i in range(n):
             work.correction[i] = work.base[i] + h_gamma * work.value[i] - z[i]
         correct(addresses, work)
@@ -107,6 +110,8 @@ def solve_stage(addresses, u, q, z, h_gamma, rate, work):
             return NOT_FINITE, rate
         if iteration > 0:
             rate = max(_FASTEST_RATE, size / previous)
+        # what is left after it is size·rate/(1 - rate): a hundredth of the tolerance, so that the error
+        # estimate below is that of the method, and not of the iteration
         if size < _SMALL_CORRECTION or size * rate < _SMALL_CORRECTION * (1.0 - rate):
             return CONVERGED, rate
         if iteration > 1 and rate > 2.0:
@@ -133,6 +138,8 @@ def attempt(addresses, switches, ramped, q, h, work):
     Returns (outcome, error in units of the tolerance). The new state is the last of `work.z`, its derivative
     the last of `work.k`. The error is filtered by the step's matrix, as stiff components would spoil it.
     """
+    # z_i = base + h·γ·f(z_i) with base = y + h·Σ a_ij·k_j over the earlier stages j < i; each z starts at a
+    # prediction, which decides how many iterations it takes
     n, y = work.n, work.y
     h_gamma = h * GAMMA
     inverse = 1.0 / h_gamma
@@ -157,8 +164,11 @@ def attempt(addresses, switches, ramped, q, h, work):
         outcome, rate = solve_stage(addresses, u, q, z, h_gamma, rate, work)
         if outcome != CONVERGED:
             return outcome, math.inf
+        # k from the stage's equation rather than from f: it is as accurate as z, and costs no evaluation
         for i in range(n):
             k[i] = (z[i] - work.base[i]) * inverse
+    # the error is the difference to the embedded solution, of order h³, through the matrix, which leaves slow
+    # components as they are and damps those that a step of this length does not resolve
     for i in range(n):
         work.correction[i] = work.z[3 * n + i] - work.z[2 * n + i]
     correct(addresses, work)
@@ -203,6 +213,9 @@ def tangent(addresses, switches, ramped, q, h, work):
 
     Leaves the Jacobian of the new state in `work.jacobian`.
     """
+    # each stage differentiated: S_i = s + h·Σ a_ij·dS_j + h·γ·(J_i·S_i + ∂f/∂q), all columns by one matrix,
+    # (I - h·γ·J_i)·S_i = fixed + h·γ·∂f/∂q. J_i is that at the stage itself, not that of the step's start,
+    # with which Newton's iteration makes do: only so are these the derivatives of the numbers computed
     n, m = work.n, work.m
     block = n * m
     h_gamma = h * GAMMA
@@ -212,6 +225,7 @@ def tangent(addresses, switches, ramped, q, h, work):
         u = inputs_at(stage, h, switches, ramped)
         call_6(addresses[RHS_TANGENT], z, u, q, work.value, work.jacobian, work.packed)
         set_matrix(addresses, work, h_gamma)
+        # `fixed` is S without the implicit part, `moving` becomes the right-hand side and then S
         set_fixed(stage, block, h, work)
         for entry in range(work.used):
             index, row, column = (
@@ -238,6 +252,8 @@ def tangent(addresses, switches, ramped, q, h, work):
         solve_columns(n, m, work.matrix, work.moving)
         for i in range(block):
             dk[i] = (work.moving[i] - work.fixed[i]) * inverse
+    # stiffly accurate: the last stage is the new state, so that its sensitivities, their derivative and its
+    # Jacobian are those with which the next step begins
     for i in range(block):
         work.s[i] = work.moving[i]
         work.dk[i] = work.dk[3 * block + i]

@@ -62,6 +62,8 @@ def whiten(samples, count, orders, steps, columns, rho, white, work):
     diagonal, step = 1.0, 0.0
     before = columns
     for i in range(samples):
+        # the innovation of a first-order autoregression with white noise on top: one row of the Cholesky
+        # factor of its tridiagonal covariance, from the row before
         row = offset(columns, i * count)
         if i > 0:
             if steps[i] != step:

@@ -19,6 +19,8 @@ def factorise(n, matrix, exchanges):
     `exchanges` (n) becomes the row exchanges.
     """
     for k in range(n):
+        # the largest pivot of the column, for which all of this exists: where the model's own elimination was
+        # refused
         largest = k
         for i in range(k + 1, n):
             if abs(matrix[i * n + k]) > abs(matrix[largest * n + k]):

@@ -32,6 +32,7 @@ def differentiate_outputs(addresses, u, q, inputs, work, seen, result):
     """``∂g/∂y·s + ∂g/∂q`` into `result` (outputs, columns)."""
     n, m = work.n, work.m
     call_6(addresses[OUTPUTS_TANGENT], work.y, u, q, seen.value, seen.jacobian, seen.packed)
+    # ∂g/∂y·s, then ∂g/∂q for the columns of parameters, then the terms that splines weigh
     for row in range(seen.outputs):
         for c in range(m):
             result[row * m + c] = 0.0
@@ -97,6 +98,7 @@ def set_ramps(t, knot, knots, ramps, ramped, switches):
             switches.slope[j] = 0.0
         else:
             begun, ends = knots[knot - 1], knots[knot]
+            # set anew at each knot, so that rounding does not add up over a record
             slope = (ramps[knot, r] - ramps[knot - 1, r]) / (ends - begun)
             switches.u[j] = ramps[knot - 1, r] + (t - begun) * slope
             switches.slope[j] = slope
@@ -191,6 +193,9 @@ def integrate_record(words):
     for c in range(initial_columns.size):
         work.s[initial_columns[c] * m + first + c] = 1.0
 
+    # from event to event. At each one, in this order: samples are taken with what was before it, knots and
+    # commands change the inputs, and only if one did the integration begins anew. Between two events it goes
+    # on with its step and its derivatives
     t, h, stale, commands, samples = command_times[0], 0.0, True, 1, 0
     knot = 0
     while knot < knots.size and knots[knot] <= t:
@@ -229,10 +234,13 @@ def integrate_record(words):
             stale = False
         if outcome != DONE:
             return ended(returned, outcome, t, samples)
+        # to whatever comes first. Every sample is the end of a step: nothing is interpolated, and so the
+        # derivatives are those of the readings themselves
         following = times[commands] if commands < count else math.inf
         target = min(sample_times[samples], following, switch_time)
         if knot < knots.size:
             target = min(target, knots[knot])
+        # along a line the derivative of the state is continuous, so that a knot is no restart
         steadily = 0 < knot < knots.size
         outcome, t, h = advance(
             functions,

@@ -29,7 +29,10 @@ def evaluate_splines(splines, n, inputs, y, u):
                 x += weight * u[j]
         first = a * (functions + MORE_KNOTS)
         low, high = splines.knots[first + DEGREE], splines.knots[first + functions]
+        # beyond the inner knots the term keeps the weight that it has at the end
         x = min(max(x, low), high)
+        # de Boor's recursion: the interval in which x lies, then the functions that are not zero there, from
+        # degree 0 to 3
         span = DEGREE
         while span < functions - 1 and x >= splines.knots[first + span + 1]:
             span += 1

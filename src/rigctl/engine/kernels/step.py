@@ -38,6 +38,8 @@ def step_to(words):
     outputs = floats_1(words, 10)
     counters = integers_1(words, 11)
     returned = floats_1(words, 12)
+    # no columns and no splines: a bench that is stepped needs no derivatives, and places that nothing reads
+    # may point anywhere
     nothing, buffer = pointer_to(integers), pointer_to(floats)
     no_splines = (buffer, buffer, nothing, buffer, nothing, buffer, nothing, buffer)
     work, switches, _ = lay_out(
@@ -46,6 +48,7 @@ def step_to(words):
     functions, parameters = pointer_to(addresses), pointer_to(q)
     relative, absolute = tolerance[0], offset(pointer_to(tolerance), 1)
     t, h, stale = carried[TIME], carried[NEXT_STEP], carried[STALE] != 0.0
+    # the commands first, at the present time; then from one waiting command to the next, and to the target
     outcome, changed = command(
         functions, t, pointer_to(commanded), switches.stage, parameters, work, switches, False
     )
@@ -77,6 +80,7 @@ def step_to(words):
                 False,
                 counters,
             )
+    # also after a failure, with the state that was reached
     call_4(functions[OUTPUTS], work.y, switches.u, parameters, pointer_to(outputs))
     carried[TIME], carried[NEXT_STEP], carried[STALE] = t, h, 1.0 if stale else 0.0
     returned[0] = outcome

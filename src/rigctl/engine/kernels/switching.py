@@ -72,6 +72,7 @@ def command(addresses, t, commanded, moved, q, work, switches, sensitive):
     """
     changed = False
     late = False
+    # f before anything changes: the jump of the sensitivity needs it on both sides
     jumps = sensitive and is_moved(moved, switches)
     if jumps:
         call_4(addresses[RHS], work.y, switches.u, q, switches.earlier)
@@ -90,6 +91,7 @@ def command(addresses, t, commanded, moved, q, work, switches, sensitive):
         outcome = queue(addresses, t, moved, jumps, q, work, switches, sensitive)
         if outcome != DONE:
             return outcome, changed
+    # s_after = s_before + (f_before - f_after)·dt, in the columns of what moves this command
     if jumps and changed:
         call_4(addresses[RHS], work.y, switches.u, q, switches.later)
         first = work.m - switches.shifts
@@ -129,6 +131,7 @@ def queue(addresses, t, moved, jumps, q, work, switches, sensitive):
         if not math.isfinite(tau):
             return NOT_FINITE_DELAY
         acts = t + max(tau, 0.0)
+        # from the last one on, as the queue closes up behind what is dropped
         for k in range(switches.waiting[0] - 1, -1, -1):
             if switches.index[k] == j and switches.time[k] >= acts:
                 drop(work.m, switches, k)
@@ -141,6 +144,7 @@ def queue(addresses, t, moved, jumps, q, work, switches, sensitive):
         switches.index[index] = j
         for c in range(work.m):
             switches.shift[index * work.m + c] = 0.0
+        # cut off at 0 a delay is constant, and has no derivative
         if sensitive and tau >= 0.0:
             set_shift(d, index, work, switches)
         if jumps:
@@ -203,6 +207,7 @@ def act(addresses, index, q, work, switches, sensitive):
         if moved:
             call_4(addresses[RHS], work.y, switches.u, q, switches.earlier)
         switches.u[j] = switches.value[index]
+        # the delay moves this moment by dtau: s_after = s_before + (f_before - f_after)·dtau
         if moved:
             call_4(addresses[RHS], work.y, switches.u, q, switches.later)
             for i in range(n):

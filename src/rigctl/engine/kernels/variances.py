@@ -77,6 +77,8 @@ def most_likely(words):
     squares, weight = pointer_to(floats_1(words, 3)), pointer_to(floats_1(words, 4))
     pull = offset(weight, TILE)
     sums = offset(pull, TILE)
+    # every step is one pass through the readings, tile by tile: μ and its inverses are used for all terms
+    # while they are in the nearest cache
     for _ in range(steps):
         for i in range(2 * columns * LANES):
             sums[i] = 0.0

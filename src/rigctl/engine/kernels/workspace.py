@@ -73,6 +73,7 @@ def lay_out(sizes, floats, integers, rhs_active, outputs_active, delays_active, 
     """
     n, m, inputs, delays = sizes[N], sizes[COLUMNS], sizes[INPUTS], sizes[DELAYS_COUNT]
     capacity, outputs, guard = sizes[CAPACITY], sizes[OUTPUTS_COUNT], sizes[GUARD]
+    # in the order of `sizes.float_regions`, which allocates and guards what is cut here
     y = floats
     k = offset(y, n + guard)
     z = offset(k, 4 * n + guard)

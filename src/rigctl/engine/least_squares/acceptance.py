@@ -54,11 +54,14 @@ def bolder(state: State, bounded: BoundedStep) -> tuple[float, BoundedStep] | No
     Damping restricts a step most in the directions that the data determine least: along a valley in which two
     parameters have nearly the same effect.
     """
+    # cheap tests first: only late in a fit is there anything to gain, and from a point where a step was just
+    # rejected the linear model is not to be trusted further
     at, cost = state.at, state.at.task.options.cost
     expected = at.expected(bounded.step)
     late = expected <= min(_LITTLE * cost, _LATE) * at.cost
     if not late or state.rejected or state.timid >= _BOLD:
         return None
+    # what a step without damping would gain: at least ten times as much, or damping is not what limits it
     free = at.expected(at.step(LEAST_DAMPING, state.trust.reach).step)
     if free <= max(_LITTLE * expected, cost * at.cost):
         return None
@@ -75,6 +78,8 @@ def dared(state: State, damping: float, bounded: BoundedStep) -> Attempt:
     Along a curved valley every step of useful length ends on its side, and damping would shorten it to almost
     nothing; from there the next steps lead back to the valley's floor.
     """
+    # the watchdog: a step that raises the cost is taken for the time being, and judged by where the next ones
+    # lead
     before, at = state.at, state.at
     largest = before.largest(bounded.step)
     enough = before.cost - _LEAST_GAIN * before.expected(bounded.step)

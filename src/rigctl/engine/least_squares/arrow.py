@@ -112,6 +112,8 @@ def reduce_blocks(blocks: Sequence[Block], shared: int, local: Sequence[int]) ->
     sizes = tuple(local)
     # in threads: a block's derivatives are whitened when they are first used, which is here
     triangles = in_threads(partial(_reduced, blocks, shared, sizes), range(len(blocks)))
+    # records without unknowns of their own add up to one triangle: what is left does not grow with their
+    # number
     bare = [index for index, m in enumerate(sizes) if m == 0]
     common = np.empty((0, shared + 1))
     for index in bare:
@@ -178,6 +180,8 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
     free: 1 for a parameter that is solved for, 0 for one whose step is given.
     fixed: the given steps.
     """
+    # records of the same size with the same free unknowns are stacked: one call of the library for all of
+    # them
     chosen = free.shared.astype(bool)
     count = int(chosen.sum())
     alike: dict[tuple[int, int, bytes], list[int]] = {}
@@ -191,9 +195,14 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
         given, weights, targets = (
             np.stack([vector.local[k] for k in indices]) for vector in (fixed, weight, target)
         )
+        # what is held moves to the right-hand side with its given step
         rhs = triangles[:, :, -1] - triangles[:, :, m:-1] @ fixed.shared
         rhs -= (triangles[:, :, :m] @ given[:, :, None])[:, :, 0]
         size, first = triangles.shape[1], int(record_local.sum())
+        # (records, rows, columns): the own unknowns, the shared ones, the right-hand side; below the data a
+        # row for the prior or damping of each own unknown. In the triangle of that, the first rows give the
+        # own unknowns once the shared ones are known, and the others are what the record says of the shared
+        # ones
         matrix = np.zeros((len(indices), size + m, first + count + 1))
         matrix[:, :size, :first] = triangles[:, :, :m][:, :, record_local]
         matrix[:, :size, first:-1] = triangles[:, :, m:-1][:, :, chosen]
@@ -205,6 +214,8 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
             top, coupling = matrix[:, :first, :first], matrix[:, :first, first:-1]
             groups.append(Eliminated(tuple(indices), top, coupling, matrix[:, :first, -1]))
         rows.append(matrix[:, first:, first:].reshape(-1, count + 1))
+    # all records' rows for the shared unknowns, with their own priors and damping: the small dense problem
+    # that is left
     rest = target.shared - weight.shared * fixed.shared
     rows.append(np.column_stack([np.diag(weight.shared)[:, chosen], rest]))
     stacked = _triangle(np.vstack(rows))

@@ -37,6 +37,8 @@ def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, up
     arrow: the linearised records.
     weight, target: an additional equation ``weight·step = target`` for each parameter: damping and priors.
     """
+    # an active set: solve for the free ones, hold those that left the box, solve again. Each may be released
+    # only once, without which two could take turns for ever
     low, high = lower.flat(), upper.flat()
     free, fixed = np.ones(low.size), np.zeros(low.size)
     released = np.zeros(low.size, dtype=bool)

@@ -85,6 +85,7 @@ def multi_start(
 
 def _spread(unknowns: Sequence[Unknown], count: int, seed: int) -> list[list[float]]:
     """The starts: the given one first, then one in each layer of every parameter's range."""
+    # a Latin hypercube: each layer of each parameter's range is used once, however few starts there are
     random = np.random.default_rng(seed)
     first = [unknown.start for unknown in unknowns]
     layers = max(0, count - 1)

@@ -166,10 +166,14 @@ class Iterate:
 
     def step(self, damping: float, reach: float) -> BoundedStep:
         """The damped step inside the bounds and the box, in the parameters' own units."""
+        # in scaled variables x·scale, in which every column has at most the length 1: there damping acts on
+        # all unknowns alike (Marquardt), whatever their units
         task, scale, flat, like = self.task, self.scale, self.flat, self.point.like
         box = np.where(task.nonlinear, reach * np.maximum(task.size, np.abs(flat)), np.inf)
         lower = np.maximum(task.lower - flat, -box) * scale
         upper = np.minimum(task.upper - flat, box) * scale
+        # one equation for each unknown beside the data's, total·step = target, for two: a damping's √λ·step =
+        # 0, and a prior's weight·step = -residual
         residual, weight = task.priors.residual(flat), task.priors.weight / scale
         total = np.sqrt(weight**2 + damping * task.nonlinear)
         bounded = bounded_step(

@@ -15,6 +15,7 @@ _PATIENCE = 4  # number of steps that together must lower the cost by the tolera
 def at_end(state: State, bounded: BoundedStep) -> tuple[Outcome, str] | None:
     """The end if the next step would be `bounded`, and is not worth an evaluation."""
     at, options, damping = state.at, state.at.task.options, state.trust.damping
+    # an unknown at a bound may have a gradient that points outwards: it is no reason to go on
     flat, gradient = at.flat, at.gradient
     blocked = ((flat <= at.task.lower) & (gradient > 0.0)) | ((flat >= at.task.upper) & (gradient < 0.0))
     length = np.sqrt(2.0 * at.cost) or 1.0
@@ -25,6 +26,7 @@ def at_end(state: State, bounded: BoundedStep) -> tuple[Outcome, str] | None:
         if damping > 1.0:
             return Outcome.STALLED, "No step lowers the cost"
         return Outcome.STEP, "No parameter moves any more"
+    # with strong damping a small decrease says something of the damping, and nothing of the minimum
     if damping < 1.0 and 0.0 <= at.expected(bounded.step) <= _enough(at):
         return Outcome.COST, "The cost does not fall any more"
     return None

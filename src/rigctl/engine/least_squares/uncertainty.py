@@ -74,6 +74,8 @@ def slopes_of_minimum(
     values, local_values: of the minimum.
     """
     count, more = len(unknowns), causes[0].shape[1] if causes else 0
+    # K beside J, as further shared columns whose steps are given: in the triangle the records' own unknowns
+    # are then eliminated from both alike
     joint = [
         Block(block.residual, np.column_stack([_of_shared(block), columns]), block.local)
         for block, columns in zip(blocks, causes, strict=True)
@@ -119,6 +121,8 @@ class _Linearised:
     def at(
         cls, arrow: Arrow, unknowns: Sequence[Unknown], local: Sequence[Sequence[Unknown]], point: Vector
     ) -> _Linearised:
+        # each column of length 1, so that singular values compare directions and not units; no damping, and
+        # only what lies inside its bounds
         everyone = [*unknowns, *(unknown for record_local in local for unknown in record_local)]
         _, weight = prior_rows(everyone, point.flat())
         scale = np.maximum(arrow.norms().flat(), weight)
@@ -156,6 +160,8 @@ def _inverse(matrix: Floats) -> Floats:
     count = matrix.shape[1]
     if not count:
         return np.empty((0, 0))
+    # directions whose singular value is rounding have no effect on any residual: what lies in one of them is
+    # not determined, and said to be so instead of being given a number
     _, values, directions = np.linalg.svd(matrix, full_matrices=True)
     padded = np.zeros(count)
     padded[: values.size] = values

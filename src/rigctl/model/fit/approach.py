@@ -52,6 +52,8 @@ def approach(
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
     """The unknowns, starting where the misfit is small; unchanged if nothing reduces it."""
     starts, record_local = list(shared), [list(each) for each in local]
+    # first what nothing is known of, with the others at their starts; then everything, from where that is
+    # about right
     unknown = [k for k, one in enumerate(starts) if one.prior is None]
     everything = list(range(len(starts)))
     for moved in [part for part in (unknown, everything) if part]:
@@ -91,6 +93,8 @@ def _descend(
         if not _NEAR < misfit < math.inf:
             break
         at = np.array([one.start for one in starts])
+        # with noise as large as the misfit a prior weighs as much beside a reading as it does at the end;
+        # beside more than `_WEIGHT` readings that is nothing, so the noise grows with their number
         result = least_squares(
             _blurred(_part(evaluate, at, moved), misfit * max(1.0, math.sqrt(count / _WEIGHT))),
             [_held(starts[k]) for k in moved],
@@ -101,6 +105,7 @@ def _descend(
         at[list(moved)] = result.values
         next_starts = started(starts, at)
         next_local = [started(each, values) for each, values in zip(record_local, result.local, strict=True)]
+        # a round counts only if the misfit fell in the actual noise; one that fell little is the last one
         fallen, _ = _misfit(evaluate, next_starts, next_local)
         if fallen >= misfit:
             break

@@ -88,6 +88,8 @@ def conditional_numbers(fitted: FitResult) -> dict[str, Conditional]:
     open_numbers = _left_open(fitted)
     if not open_numbers or fitted.solution is None:
         return {}
+    # all open numbers together: the slopes are those of a regression on them, C_xa·C_aa⁻¹, as two assumed
+    # numbers may be correlated by the data
     names = [one.name for one in fitted.problem.shared]
     covariance = fitted.reported_covariance
     wanted = [*fitted.problem.model.fitted]
@@ -98,6 +100,8 @@ def conditional_numbers(fitted: FitResult) -> dict[str, Conditional]:
         row = covariance[x, at]
         if not np.isfinite(covariance[x, x]):
             continue
+        # what x varies by once they are given; only numbers that move x by more than that are worth a
+        # condition
         slopes = np.linalg.lstsq(covariance[np.ix_(at, at)], row, rcond=None)[0]
         std = math.sqrt(max(float(covariance[x, x] - slopes @ row), 0.0))
         followed = [

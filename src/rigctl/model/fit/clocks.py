@@ -56,6 +56,8 @@ class ReadTimes:
 def read_times(record: MeasuredRecord, names: Sequence[str], offsets: Mapping[str, float]) -> ReadTimes:
     """When the outputs `names` were read; `offsets` by channel, s."""
     late = np.array([offsets.get(name, 0.0) for name in names])
+    # one integration for all outputs: to every time at which any of them was read. Before the first command
+    # nothing is known, so the state is that at the start
     wanted = np.maximum(record.times[:, None] + late, record.switch_times[0])
     every, at = np.unique(wanted, return_inverse=True)
     return ReadTimes(every, at.reshape(wanted.shape))
@@ -126,6 +128,8 @@ class _DatedDerivatives(OfEachRecord):
         return self._known[record]
 
     def _read(self, index: int) -> Floats:
+        # the columns of the equations at each reading's own time, then those by the offsets, zero for a clock
+        # under which this run was not recorded
         slopes = self._times[index].of(self._slopes[index])
         run = self._records[index].run
         added = [

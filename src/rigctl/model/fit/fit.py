@@ -246,6 +246,8 @@ def without_derived(fitted: FitResult) -> FitResult:
     return replace(fitted, problem=fitted.problem.fresh())
 
 
+# The fit itself, from here on: `fit` repeats it in the noise that it shows, `_fit` takes it from the cache if
+# an earlier command made it, `_fitted` decides what is free, and `_from_afar` where it starts.
 def fit(
     problem: Problem,
     hold_out: Sequence[int] = (),
@@ -274,6 +276,8 @@ def fit(
         no record is left to fit on, there are fewer values than parameters, or the model cannot be simulated
         at the start.
     """
+    # noise may be a share of the value, and scatter of switches and noise of inputs act as the model
+    # predicts: they are known only after a fit, whose values are where the second one starts
     options = Options(cost=cost, largest_step=largest_step, rival=rival)
     plan = _Plan(refit, starts, seed, options, progress)
     result = _fit(problem, hold_out, plan, local)
@@ -304,6 +308,8 @@ class _Fitted:
 
 
 def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence[Floats] | None) -> FitResult:
+    # the key of the cache is the content of the problem, without names and without what it remembers: a copy
+    # of a run, or a model under another name, finds the same result
     fitted = tuple(index for index in range(len(problem.records)) if index not in set(hold_out))
     if not fitted:
         raise RigctlError("every record is held out: nothing is left to fit on")
@@ -323,6 +329,7 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
 def _fitted(
     problem: Problem, fitted: tuple[int, ...], plan: _Plan, local: Sequence[Floats] | None
 ) -> _Fitted:
+    # what affects no reading cannot be fitted: it keeps its value, and is named in the result
     count = len(problem.records)
     silent: tuple[str, ...] = ()
     inner = problem.only(fitted)
@@ -352,10 +359,12 @@ def _fitted(
             solution = least_squares(
                 inner.evaluate, inner.shared, inside, options=plan.options, progress=plan.progress
             )
+        # the cost jumps where a switch passes a sample: no gradient leads across
         solution = with_best_switches(inner, solution, plan.options)
         values, record_local = solution.values, dict(zip(fitted, solution.local, strict=True))
     else:
         solution, values, record_local = None, start, {}
+    # records held out: the model's parameters are given, what belongs to the record is fitted to it
     rest = [index for index in range(count) if index not in record_local]
     record_local |= _local_unknowns(problem, values, rest, local)
     everything = tuple(record_local[index] for index in range(count))
@@ -368,9 +377,12 @@ def _fitted(
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
     """The better of two coarse fits, continued to convergence: one from distant starting values, and one from
     its end, with the parameters that are far from their priors reset."""
+    # 1. from distant values to where the misfit is small, and down to a coarse tolerance there
     starts, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
     coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
     result = least_squares(problem.evaluate, starts, record_local, options=coarse, progress=plan.progress)
+    # 2. once more from there, with what the long way has driven from its prior put back: if that ends lower,
+    # the first end was a local minimum
     back = reset_to_priors(starts, result.values)
     if back is not None:
         with suppress(RigctlError):  # the model cannot be simulated there: the first fit is kept
@@ -378,6 +390,8 @@ def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> Lea
                 problem.evaluate, back, record_local, options=coarse, progress=plan.progress
             )
             result = other if other.cost < result.cost else result
+    # 3. the better one to convergence; less so if χ² is off by so much that nothing depends on its last
+    # digits
     dof = max(1, result.residual_count - result.parameter_count)
     far = 2.0 * result.cost - dof > _MISFIT * math.sqrt(2.0 * dof)
     return least_squares(
@@ -456,6 +470,7 @@ def _local_unknowns(
     """The record-level unknowns, with the shared ones given."""
     if not indices:
         return {}
+    # the shared unknowns become part of the base, so that only the records' own are left
     base = problem.base.copy()
     names = problem.compiled.system.parameter_names
     for unknown, value in zip(problem.shared, values, strict=True):

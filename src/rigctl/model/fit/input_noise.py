@@ -32,6 +32,7 @@ def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) 
     }
     if not any(index in noisy for record in problem.records for index in record.along):
         return problem
+    # a fixed seed: the same data have the same noise, and so the same fit
     plain = problem.simulate(shared, local)
     squares = [np.zeros(len(measurements.outputs)) for _ in problem.records]
     generator = np.random.Generator(np.random.PCG64(0))

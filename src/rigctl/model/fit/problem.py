@@ -122,6 +122,8 @@ class Problem:
         if type(self) is not Problem:
             return (self.simulate,)
         system, data = self.compiled.system, self.measurements
+        # the same samples in another run, or under another label, give the same fit; which errors act in a
+        # record is decided by its run's name, and so is kept beside it
         records = [replace(record, run="", index=0, label="") for record in data.records]
         errors = [replace(one, runs=()) for one in data.reading_errors]
         acting = [[one.acts_in(record.run) for one in data.reading_errors] for record in data.records]
@@ -222,6 +224,9 @@ class Problem:
         named = [scattered(record) for record in self.records]
         if not any(names for names, _ in named):
             return self
+        # ∂y/∂t_k times the standard deviation of t_k: to first order what the scatter of switch k adds to
+        # each reading. The whitener takes these columns into the covariance, V + D·Dᵀ, which is the fit with
+        # those times integrated out
         columns: list[Floats] = []
         for index, (names, std) in enumerate(named):
             if not names:
@@ -253,6 +258,8 @@ class Problem:
 
         If only starts, bounds or priors differ, what was evaluated counts for both.
         """
+        # an evaluation depends on the values of the unknowns in their order, and on the base: a fit that only
+        # starts elsewhere, or has other bounds, takes over what is known
         changed = replace(self, shared=tuple(shared), base=self.base if base is None else base)
         if base is None and [one.name for one in shared] == [one.name for one in self.shared]:
             object.__setattr__(changed, "_recent", self._recent)
@@ -332,6 +339,9 @@ class Problem:
     ) -> Trajectories:
         """The model's outputs, with derivatives by `columns`, by the shapes of terms and, if requested, by
         the initial states."""
+        # a column is one of three kinds: a parameter of the equations; what moves switches, for which the
+        # engine needs the shift of each switch (`Excitation.shifts`); an error of a calibration or a clock,
+        # which acts on outputs alone and is added at the end
         moving = tuple(name for name in columns if moves_switches(name))
         read = {one.name for one in (*self._calibrations, *self._clocks)}
         plain = tuple(name for name in columns if not moves_switches(name) and name not in read)
@@ -339,6 +349,8 @@ class Problem:
         starts = self.initial_names if initial else ()
         simulated = simulate_soundly(self.compiled, excitations, plain, starts, moving, splines)
         for index, record in enumerate(self.records):
+            # the parameter that stands for an input where it was not recorded, or for the error of another
+            # calibration, does not act in this record: `excitation` has set it to zero, its column follows
             recorded = [simulated.columns.index(name) for name in self._recorded(record) if name in plain]
             if recorded:
                 simulated.sensitivities[index][:, :, recorded] = 0.0
@@ -391,6 +403,8 @@ class Problem:
         """Each trajectory at the times at which its readings were taken."""
 
         def difference(k: int, clock: ClockError) -> Floats:
+            # the errors of both integrations are divided by 2·step, which is why they are made with tight
+            # tolerance
             step = STEP * clock.std
             ends = [
                 self.excitation(indices[k], shared[k], local[k], moved={clock.name: by})
@@ -490,6 +504,7 @@ class Problem:
     def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> Evaluated | Refused:
         names = [unknown.name for unknown in self.shared]
         columns = tuple(dict.fromkeys([*names, *self.local_names])) if derivatives else ()
+        # residuals are whitened now, derivatives when they are first used: those of a rejected step never are
         blocks: list[Block] = []
         readings: list[Floats] = []
         for part in self.parts(len(columns) + len(self.initial_names)):
@@ -544,6 +559,7 @@ class Problem:
         moved: what is added to parameters.
         """
         record, system = self.records[index], self.compiled.system
+        # parameters: the base, then the shared unknowns, then what is special to this record
         parameters, start = self.base.copy(), self.starts[index].copy()
         switching: dict[str, float] = {}
         for unknown, value in zip(self.shared, shared, strict=True):
@@ -552,6 +568,8 @@ class Problem:
             parameters[self._index[name]] = 0.0  # the value is among the inputs
         for name, by in (moved or {}).items():
             parameters[self._index[name]] += by
+        # the record's own unknowns: an initial state is a value, a switch has a shift of its time, and all
+        # others are deviations, which add to the value that the records share
         for one, value in zip(self.local[index], values, strict=True):
             if one.kind == "start":
                 start[system.state_names.index(one.name)] = value
@@ -559,6 +577,8 @@ class Problem:
                 switching[one.name] = float(value)
             else:
                 parameters[self._index[one.name]] += value
+        # times: of the commands, by the logger's delays and the record's own shifts; of the readings, and of
+        # measured inputs, by the offsets of the clocks that dated them
         delays = {name: float(parameters[self._index[name]]) for name in LOGGER_DELAYS}
         times = moved_times(record, switching | {name: value for name, value in delays.items() if value})
         shifts = switch_shifts(record, moving) if moving else None
@@ -631,9 +651,14 @@ def make_problem(
     RigctlError
         an effect's term cannot be added.
     """
+    # what differs from record to record: what the family declares, a level for each setting of a table,
+    # inputs that some record lacks, and settings that do not repeat exactly. They are parameters of one
+    # effect, so that all records have the same equations, compiled once
     level, settings = level_of_rows(record_level(model.family), measurements)
     level = level.with_inputs(list(measurements.unrecorded), model.family)
     level = level.with_repeatability(repeatability(measurements, model.family), model.family)
+    # the equations: with `library`, one integration gives the derivatives by every effect that could be
+    # missing
     effects = {name: {p: value.si for p, value in values.items()} for name, values in model.effects.items()}
     everything = superset(model.family, effects, model.own_effects) if library else effects
     compiled = _compiled(_definition(model, everything, level, measurements), progress)
@@ -641,12 +666,16 @@ def make_problem(
     used = [effect for effect in map(model.effect, everything) if effect.terms]
     usual = initial_state(model.family, used)
     records = measurements.records
+    # the weights: noise that depends on the level needs one for each reading, from the smoothed readings,
+    # since the noise of a reading would otherwise enter its own weight
     grown = _grown(noise, records, ok) if grown is None else grown
     if whiteners is None:
         whiteners = [
             whiten(noise, r.times, good, r.values, sigma=sigma)
             for r, good, sigma in zip(records, ok, grown or [None] * len(records), strict=True)
         ]
+    # the unknowns: the common ones of the model, of what it assumes, of the logger and the sensors; and each
+    # record's own
     starts = [start_values(level, record, measurements, usual, model.values) for record in records]
     return Problem(
         model=model,

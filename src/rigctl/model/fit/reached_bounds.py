@@ -95,6 +95,8 @@ def reached_bounds(fitted: FitResult) -> tuple[ReachedBound, ...]:
     """The parameters of the model's family that a fit drove to a bound, or beyond one that was widened."""
     if fitted.solution is None:
         return ()
+    # compared with the bounds before any fit: a bound that was moved outwards and is passed is reported too,
+    # since the value is then unusual though nothing holds it
     problem, reached = fitted.problem, []
     for unknown, value in zip(problem.shared, fitted.values.tolist(), strict=True):
         before = _as_written(problem.model, unknown.name)
@@ -157,6 +159,8 @@ def with_wider_bounds(
 
     `again` fits the problem of a fit with other shared unknowns. Bounds beyond which that is impossible stay.
     """
+    # each time from the end of the fit before, with only what is held moved: a fit that ends inside its
+    # bounds is never repeated, and one that ends higher than the narrower one is not taken
     for _ in range(_WIDENINGS):
         shared = beyond_defaults(fitted)
         if shared is None or fitted.solution is None:
@@ -198,6 +202,8 @@ def _moved_outwards(
 def _further(bound: float, side: float, declared: ParameterDeclaration) -> float:
     """A bound moved outwards by the factor of default bounds; a usual one as far as `widest` goes."""
     if side < 0.0:
+        # outwards, away from the value: towards zero for a positive lower bound, away from zero for a
+        # negative one
         low = bound * NARROW if bound > 0.0 else bound * WIDE
         return max(low, declared.widest[0]) if declared.usual[0] else low
     high = bound * WIDE if bound > 0.0 else bound * NARROW

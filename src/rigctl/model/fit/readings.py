@@ -34,6 +34,8 @@ def as_read(
     values: of each record, the c_k by name.
     columns: requested derivatives; those among `errors` are added, after the simulated ones.
     """
+    # r = y + Σ c_k·b_k(y), every b_k at the true y: the parts of an error do not act on each other. The
+    # arrays of a record that no error changes are not copied
     added = [one for one in errors if one.name in columns]
     true, read = simulated.outputs, []
     for run, sizes, outputs in zip(runs, values, true, strict=True):
@@ -78,6 +80,8 @@ class _ReadDerivatives(OfEachRecord):
         return self._known[record]
 
     def _read(self, index: int) -> Floats:
+        # (n, outputs, columns): the chain rule for what moves y, then a column b_k(y) for each error that is
+        # free
         true, run, sizes = self._simulated.outputs[index], self._runs[index], self._values[index]
         slopes = self._simulated.sensitivities[index]
         names = self._simulated.output_names

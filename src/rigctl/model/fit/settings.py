@@ -81,6 +81,8 @@ def setting_scatter(measurements: Measurements, setting: Setting) -> float | Non
     -------
     None if fewer than three settings have rows in common, or the readings do not follow the setting.
     """
+    # the logarithm makes a relative error of the setting a shift; only rows that occur at every setting may
+    # be averaged, as the others would bring their own conditions into the means
     u = set_values(measurements, setting)
     y = column(measurements, 0)
     good = np.isfinite(y) & (y > 0.0) & (u > 0.0)

@@ -62,6 +62,8 @@ def simulate_soundly(
         "shift_columns": shift_columns,
         "splines": splines,
     }
+    # the outputs of this integration stay; only derivatives of suspects are replaced, and only once one is
+    # used
     simulated = simulate(compiled, excitations, **how)
     suspects = beyond_the_others(simulated) if simulated.ok and simulated.columns else {}
     if not suspects:
@@ -113,6 +115,8 @@ class _CheckedDerivatives(OfEachRecord):
         return self._slopes[record]
 
     def _mend(self) -> None:
+        # somewhat finer steps decide: right derivatives hardly change, and are then taken from these steps,
+        # whose error is smaller; what changes is spoilt, and only for that the tight tolerance is paid
         spoilt = []
         for index, finer in self._integrated(list(self._suspects), _FINER):
             beyond = self._suspects[index]
@@ -142,6 +146,8 @@ def _stay(coarse: Floats, finer: Floats) -> bool:
     """Whether (samples, columns) are nearly the same with finer steps."""
     if not (np.isfinite(coarse).all() and np.isfinite(finer).all()):
         return False
+    # relative to the shorter of the two, right derivatives change by 0.3 at most, spoilt ones by 4 and more
+    # (decision 24)
     changes, lengths = (np.linalg.norm(one, axis=0) for one in (finer - coarse, finer))
     shorter = np.minimum(lengths, np.linalg.norm(coarse, axis=0))
     return bool(np.all(changes <= _STAYS * shorter))
@@ -152,6 +158,8 @@ def beyond_the_others(simulated: Trajectories) -> dict[int, Flags]:
     (outputs, columns) flags."""
     if len(simulated.sensitivities) < _FEWEST:
         return {}
+    # (records, outputs, columns); the records are those of one campaign, so that their derivatives are of one
+    # order of magnitude unless something is wrong with them
     sizes = np.array([_sizes(slopes) for slopes in simulated.sensitivities])
     median = np.median(sizes, axis=0)
     beyond = (sizes > _BEYOND * median) & (median > 0.0)

@@ -66,6 +66,7 @@ def stated_errors(problem: Problem, shared: Floats, local: Sequence[Floats]) -> 
     blocks = problem.evaluate(shared, local, derivatives=True)
     if isinstance(blocks, Refused):
         return none
+    # S: how the minimum moves with each error, the records' own unknowns following
     columns, lost = _columns(problem, errors, shared, local)
     slopes = slopes_of_minimum(blocks, columns, problem.shared, problem.local_unknowns(), shared, local)
     shifts = slopes * np.array([one.std for one in errors])
@@ -83,6 +84,9 @@ def _columns(
     for k, error in enumerate(errors):
         if not isinstance(error, CalibrationError):
             continue
+        # an output's error is added to what was read: K is its basis at the model's value. One of an input
+        # goes through the equations, which have no parameter for it as long as it counts as exact: a
+        # difference
         if error.channel in problem.measurements.outputs:
             channel = problem.measurements.outputs.index(error.channel)
             for record, each, column in zip(problem.records, outputs, columns, strict=True):

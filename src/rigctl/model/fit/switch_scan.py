@@ -50,6 +50,9 @@ def with_best_switches(problem: Problem, result: LeastSquaresResult, options: Op
     """
     if not any(one.kind == "switch" for record_local in problem.local for one in record_local):
         return result
+    # scan and refit in turn: with other switch times the parameters change, and with these the best times.
+    # The refit is kept if the cost falls, and nothing is scanned again once it falls by less than a scan
+    # resolves
     for _ in range(_SCANS):
         values, local, moved = scanned_switches(problem, result.values, result.local)
         try:
@@ -111,11 +114,15 @@ def scanned_switches(
     times = [[k for k, one in enumerate(each) if one.kind == "switch"] for each in problem.local]
     if not any(times):
         return shared, tuple(best), False
+    # first along the valley in which the delay of all switches and the times of single ones compensate each
+    # other: what is common to all belongs to the delay, whose prior it costs once
     shared, best, moved = _shared_out(problem, shared, best)
     lowest = _costs(problem, shared, best)
     if lowest is None:
         return shared, tuple(best), False
     unknowns = problem.local_unknowns()
+    # the first switch of every record at once, then the second: records do not depend on each other, so that
+    # one simulation tries one time in each of them
     for rank in range(max(len(each) for each in times)):
         indices = [each[rank] if rank < len(each) else None for each in times]
         for share in _TRIED:
@@ -146,6 +153,8 @@ def _shared_out(
         members = _members(problem, delay.name)
         if not members or delay.prior is None:
             continue
+        # the cost is a parabola in δ, of curvature `weight` and slope −`pull` at 0; the bounds of every
+        # member limit δ
         weight, pull = 1.0 / delay.prior.std**2, -(values[column] - delay.prior.mean) / delay.prior.std**2
         low, high = delay.lower - values[column], delay.upper - values[column]
         for record, index, width in members:

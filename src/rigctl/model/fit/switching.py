@@ -72,6 +72,8 @@ def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
     indices = record.rough_switches
     if not indices.size:
         return []
+    # one shift for all, and the scatter of each about it is noise (`scattered`): an unknown for each would
+    # make a simulation several times as long
     if indices.size > _most(record):
         logged = record.switch_half[record.logged_switches]  # what jitters is zero on average
         return [_moved_by(ALL, float(np.median(logged)))] if logged.size else []
@@ -113,6 +115,7 @@ def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
     indices = record.rough_switches
     if indices.size <= _most(record) or record.streamed:
         return (), np.empty(0)
+    # the switches that change their inputs most, in units of each input's range: these move the outputs most
     width = np.ptp(record.inputs, axis=0)
     jumps = np.abs(np.diff(record.inputs, axis=0)) / np.where(width > 0.0, width, 1.0)
     size = jumps.sum(axis=1)[indices - 1]

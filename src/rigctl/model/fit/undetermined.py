@@ -105,6 +105,8 @@ def _groups(
     left = [one for one in weak if any(name in free for name, _ in one.parts)]
     while left:
         group = [left.pop(0)]
+        # two combinations that share a parameter are one group: which of their parameters is fixed decides
+        # for both
         names = set(dict(group[0].changes))
         while near := [one for one in left if names & set(dict(one.changes))]:
             group += near
@@ -120,6 +122,8 @@ def _acting(
     units: Mapping[str, str],
 ) -> tuple[str, ...]:
     """The products, or else the sums, that act; empty if their exponents are not simple."""
+    # (combinations, parameters) of the group: directions without effect. In relative changes whole numbers
+    # mean that products act, in absolute ones of one unit that sums do. A temperature in degC has no products
     changes = np.zeros((len(weak), len(names)))
     for row, one in zip(changes, weak, strict=True):
         for name, change in one.changes:
@@ -139,6 +143,8 @@ def _texts(names: Sequence[str], null: Floats, text: Any) -> tuple[str, ...]:
     In the reduced echelon form of the directions each of q parameters appears in one of them alone; what acts
     is each other parameter, compensated by these. The last ones are taken, so that the first are named first.
     """
+    # Gauss-Jordan elimination; the pivot is not the largest entry but the last strong one, for the order of
+    # the names, and strong enough for the division not to magnify rounding
     rows = null / np.abs(null).max(axis=1, keepdims=True)
     pivots: list[int] = []
     for k in range(len(rows)):

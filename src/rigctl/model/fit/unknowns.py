@@ -1,4 +1,9 @@
-"""The unknowns of a fit: the model's free parameters, and those of each record."""
+"""The unknowns of a fit: the model's free parameters, and those of each record.
+
+In: a model, what its family declares of records, and measurements. Out: `Unknown`, each with its start,
+bounds, size and prior, under the name of the parameter or the state of the system that it is: by these names
+`Problem` puts its value into the equations, and finds its column among the derivatives.
+"""
 
 from __future__ import annotations
 
@@ -46,6 +51,9 @@ def shared_unknowns(model: Model, extra: Sequence[Unknown] = ()) -> list[Unknown
 
 def parameter_unknown(model: Model, name: str) -> Unknown:
     """A parameter of the model or of one of its effects as an unknown that starts at the model's value."""
+    # bounds: those declared; where none are, a factor about the value, wide enough for a wrong guess and
+    # narrow enough to keep a fit among possible values. Usual bounds of a shipped family hold only as long as
+    # the user's own value lies within them
     effect, dot, parameter = name.partition(".")
     value = model.values[name]
     if dot:
@@ -113,6 +121,8 @@ def local_unknowns(
 ) -> tuple[LocalUnknown, ...]:
     """The unknowns of one record, with their priors; `starts` are the initial states."""
     unknowns = []
+    # the order is that of the columns of a record's block: quantities, unrecorded inputs, switches, initial
+    # states
     for quantity in level.quantities:
         if record.row and quantity.cancels:
             continue
@@ -175,6 +185,7 @@ def _quantity(quantity: Quantity, measurements: Measurements) -> Unknown:
 def _start(
     start: Start, record: MeasuredRecord, measurements: Measurements, starts: Mapping[str, float]
 ) -> Unknown | None:
+    # a reading is where the fit starts, and no prior: it is among the residuals already
     if start.how == "measured":
         reading = _first(start.state, record, measurements)
         if math.isfinite(reading):
@@ -189,6 +200,8 @@ def _start(
 
 def _set(start: Start, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
     """The part of a setting that a closed valve retains: of this record's, or of a higher earlier one."""
+    # a closed valve holds what was set, of this record or of a higher one before it, which may have left its
+    # pressure: the upper bound is therefore the highest setting of all records
     index = measurements.inputs.index(start.input)
     given = float(record.inputs[0, index])
     std, mean = start.spread * given, start.share * given

@@ -72,6 +72,7 @@ def model_description(
         _variable(
             variables, meanings, f"state.{state.name}", state.unit, reference, start, "local", "continuous"
         )
+    # outputs come last, as the structure below names them by their numbers, from 1
     first = len(variables) + 1
     for index, output in enumerate(system.outputs):
         reference = OUTPUTS_AT + index

@@ -66,6 +66,8 @@ def _number(value: float) -> str:
 
 def _functions(text: str) -> Iterator[str]:
     """The functions of the straight-line code that the slave needs."""
+    # the code is one assignment for each line, in order of evaluation, so that C needs no more than a
+    # variable for each
     for function in text.split("end\n"):
         head, _, body = function.partition("\n")
         name = head.split()[1] if head else ""

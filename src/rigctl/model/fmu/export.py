@@ -1,4 +1,9 @@
-"""Write a model as an FMU: description, C sources, and the library compiled from them on this computer."""
+"""Write a model as an FMU: description, C sources, and the library compiled from them on this computer.
+
+In: a `Model`. Out: an archive whose equations are the straight-line code that the engine compiles, as C
+(`equations`), with FMI's functions and an integration method in ``slave.c``: it runs where rigctl is not
+installed. Equal models give equal files.
+"""
 
 from __future__ import annotations
 
@@ -71,12 +76,15 @@ def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Expor
         raise RigctlError("unknown kind of file", value=path.name, expected="a name that ends in .fmu")
     if model.family.program is not None:
         raise RigctlError("the equations of this model are in an FMU already", value=model.family.source)
+    # the GUID is a hash of all that the library computes from, so that a simulator refuses a description with
+    # another library; equal models have equal ones
     system = model.system()
     states, inputs = _start(model)
     ordered = [states[name] for name in system.state_names]
     about = f"{source_of(system).digest} {ordered!r} {inputs!r} {system.nominal!r}"
     digest = hashlib.sha256(about.encode()).hexdigest()
     guid = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+    # a C identifier, by the standard also the name of the library
     identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     identifier = identifier if not identifier[:1].isdigit() else f"m_{identifier}"
     description = model_description(
@@ -147,6 +155,7 @@ def _compiled(files: Mapping[str, bytes], library: str) -> bytes:
     with TemporaryDirectory(prefix="rigctl-fmu-") as folder:
         for name in ("slave.c", "equations.h"):
             (Path(folder) / name).write_bytes(files[f"sources/{name}"])
+        # in an empty folder, with two files whose names are fixed: no word of a model can become an option
         command = _compiler(library)
         try:
             completed = subprocess.run(  # noqa: S603 - the user's own compiler; no word of the model is in it
@@ -178,6 +187,7 @@ def _compiler(library: str) -> list[str]:
         compiler = _found(name)
         if compiler is not None:
             shared = ["-dynamiclib"] if sys.platform == "darwin" else ["-shared"]
+            # no fused multiply-add, whose rounding depends on the processor
             plain = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden"]
             position = [] if sys.platform == "win32" else ["-fPIC"]
             return [compiler, *shared, *position, *plain, "slave.c", "-o", library, "-lm"]

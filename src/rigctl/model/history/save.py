@@ -63,8 +63,11 @@ def save_version(
     """
     head, _ = split_version(Path(path))
     time = now or datetime.now(UTC)
+    # before anything is kept: a file that cannot be changed leaves no trace
     text = updated_text(model, head, effect_files)
     with _alone(head):
+        # in this order: the text that was changed, what somebody has made of it meanwhile, and then the
+        # change, whose parent is the former
         _keep(head, model.text, time)
         _keep(head, read_document(head).text, time)
         kept = store.read_versions(head)

@@ -59,6 +59,7 @@ def current_version(path: Path) -> Version:
     """
     head, _ = split_version(Path(path))
     sha256 = digest(read_document(head).text)
+    # by content, not by date: a file copied or checked out has another date
     kept = {version.sha256: version for version in versions(head)}  # the last of equal ones
     if sha256 not in kept:
         raise RigctlError("the file was changed while it was read", where=Location(head), hint="Try it again")
@@ -91,6 +92,8 @@ def find_version(path: Path, number: int) -> Version:
         there is none; the message lists those that exist.
     """
     head, _ = split_version(Path(path))
+    # the current file is a version too, but reading it may fail where the kept ones are sound: only if it is
+    # asked for
     known = read_versions(head)
     if number not in {version.number for version in known}:
         known = versions(head)
@@ -137,6 +140,8 @@ def write_version(version: Version, text: str) -> None:
     FileExistsError
         the number is taken.
     """
+    # exclusively, and the description last: a version exists once both files do, and of two programs with the
+    # same number the second one fails
     write_new(version.file, text.encode("utf-8"))
     write_new(version.file.with_suffix(".json"), (to_json(version.document()) + "\n").encode("utf-8"))
 
@@ -188,6 +193,7 @@ def _read(head: Path, file: Path) -> Version:
         ) from problem
     except (ValueError, LookupError, TypeError, AttributeError) as problem:
         raise RigctlError("this tells of no version of a model", where=Location(file)) from problem
+    # ``m.yaml`` and ``m.yml`` would share a folder
     if owner != head.name and (head.parent / owner).exists():
         raise RigctlError(
             f"these are the versions of {owner}, which differs only in its ending",

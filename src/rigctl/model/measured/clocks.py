@@ -74,6 +74,8 @@ def far_from_ends(measurements: Measurements) -> list[NDArray[np.bool_]]:
     What an output was before it, and a measured input before its first reading, is not known. The stated
     offset of a clock moves the first or the last reading of an input into the record.
     """
+    # by the largest offset that a fit may find, not by what it found: the same readings must count at every
+    # step
     masks = [np.ones(record.values.shape, dtype=bool) for record in measurements.records]
     for clock in clocks_of(measurements):
         columns = [measurements.outputs.index(name) for name in _affected(clock, measurements)]

@@ -39,6 +39,7 @@ def with_conditions(
     An initial value is a condition only if it differs on purpose: initial readings have noise, which must not
     define conditions.
     """
+    # a sweep of the procedure says what was varied on purpose: nothing needs to be guessed from the data
     if len({tuple(sorted(record.condition.items())) for record in records}) > 1:
         return list(records)
     inputs = [item.name for item in model.family.inputs]
@@ -90,6 +91,7 @@ def _within_noise(records: Sequence[MeasuredRecord], model: Model, name: str) ->
     if not along:
         return False
     middles = [float(np.median(values)) for values in along]
+    # 16 % to 84 % is two standard deviations of a normal distribution, and ignores what happens rarely
     within = float(np.median([np.percentile(values, 84) - np.percentile(values, 16) for values in along]))
     return float(np.ptp(middles)) < _BETWEEN * 0.5 * within
 

@@ -60,6 +60,8 @@ def copies_in(measurements: Measurements, preferred: Sequence[int]) -> Copies:
     preferred: indices of the records whose samples are to be kept rather than those of their copies, in
         order: first those that a fit sees.
     """
+    # cheap first: windows of readings by their keys name the pairs that may be copies, each of which is then
+    # compared sample by sample
     records = measurements.records
     order = list(dict.fromkeys((*preferred, *range(len(records)))))
     place = {index: at for at, index in enumerate(order)}
@@ -67,6 +69,7 @@ def copies_in(measurements: Measurements, preferred: Sequence[int]) -> Copies:
     windows = _Windows(measurements)
     suspects = sorted(sorted(pair, key=place.__getitem__) for pair in windows.suspects())
     overlaps = []
+    # in order of preference, so that what a fit sees is kept; a copy of a copy has gone already
     for kept, copy in sorted(suspects, key=lambda pair: (place[pair[0]], place[pair[1]])):
         if kept in whole or copy in whole:
             continue
@@ -94,6 +97,7 @@ def _parts(
         if of_copy[0] == 0 and of_kept[0] > 0 and of_kept[-1] == records[kept].times.size - 1:
             # the end of the earlier one rather than the beginning, with its initial values, of the later one
             one, other, mine, theirs = kept, copy, of_kept, of_copy
+        # what the other one has lost to a third must stay here, or nobody would have it
         if other in parts:
             mine = mine[~parts[other][1][theirs]]
         known = parts[one][1] if one in parts else np.zeros(records[one].times.size, dtype=bool)
@@ -182,6 +186,7 @@ class _Windows:
         """Pairs of records that have a window in common, or all readings of a channel that moves."""
         pairs: set[tuple[int, int]] = set()
         for keys, whole in zip(self._keys, self._whole, strict=True):
+            # sorted by key, equal ones of different records are neighbours
             owner = np.repeat(np.arange(len(keys)), [one.size for one in keys])
             key = np.concatenate([np.empty(0, dtype=np.uint64), *keys])
             by_key = np.lexsort((owner, key))
@@ -215,6 +220,9 @@ def _windows(record: MeasuredRecord, column: int, scale: float) -> tuple[NDArray
     count = values.size - _ALIKE + 1
     if record.row or count <= 0:
         return np.empty(0, dtype=np.uint64), np.empty(0), b""
+    # a polynomial in the bits of consecutive readings, modulo 2⁶⁴: one pass for each reading of a window,
+    # instead of one comparison for each pair of records. The shift is for round numbers, whose low bits are
+    # zero: they would use a part of the key only
     bits = values.view(np.uint64)
     key = np.zeros(count, dtype=np.uint64)
     for offset in range(_ALIKE):
@@ -242,12 +250,14 @@ def _shared(
     """
     a, b = measurements.records[one], measurements.records[other]
     step = float(np.median(np.diff(a.times)))
+    # the samples of both at the same time, within the rounding of times
     at = np.searchsorted(b.times, a.times + shift - _TIME * step)
     matched = at < b.times.size
     matched[matched] &= np.abs(b.times[at[matched]] - a.times[matched] - shift) <= _TIME * step
     of_a = np.flatnonzero(matched)
     of_b = at[of_a]
     same, moves = _agreement(measurements, a, b, of_a, of_b)
+    # how many samples they should have in common, from where the later one begins to where the first one ends
     begin, end = max(0.0, -shift) - 0.5 * step, min(a.times[-1], b.times[-1] - shift) + 0.5 * step
     common = min(int(((begin <= t) & (t <= end)).sum()) for t in (a.times, b.times - shift))
     if not moves or same.sum() < max(_ALIKE, _SAME * common):

@@ -88,6 +88,8 @@ def actuator_range(actuator: Actuator) -> tuple[float, float]:
 
 def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -> Acting:
     """The inputs in a record of `run`, in the order of `sources`; times from its first sample."""
+    # each input is a constant, steps at times of its own, or a line; steps of all inputs are then merged to
+    # rows, one for each time at which any of them changes
     builder = _Builder(record, run, rig, len(sources))
     for index, source in enumerate(sources):
         if source.actuators:
@@ -98,6 +100,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
             builder.unmeasured(index, source)
     builder.straighten()
     times, half, jitter, rows = builder.rows()
+    # names of phases are those of commands: what is only measured would make a phase of each reading
     commanded = rows.copy()
     for index, source in enumerate(sources):
         if not source.actuators:
@@ -150,6 +153,7 @@ class _Builder:
             self.unrecorded[source.input] = _span(source, absent, self._rig)
             self.absent[source.input] = tuple(absent)
         elif source.hold == "linear":
+            # a command that the family declares linear, as a generator's between its samples
             self.lines[index] = source.value + _sum(source, self._record)
         else:
             self.switched(index, source)
@@ -158,6 +162,8 @@ class _Builder:
         """An input with a channel: its readings, else its given value, or its range."""
         readings = self.readings(source)
         if readings is None:
+            # a channel that this record lacks: unknown within the sensor's range, rather than the family's
+            # value, which nobody has measured
             span = _said_range(source, self._rig)
             if span is not None:
                 self.unrecorded[source.input] = span
@@ -210,6 +216,7 @@ class _Builder:
         if values is None or not np.isfinite(values).any():
             return None
         time = self._record.time
+        # both: an input may jump, and back, on purpose; but hardly to where it never is otherwise
         spikes = _impossible(values) & find_spikes(time, values[:, None])[:, 0]
         good = np.isfinite(values) & ~spikes
         if not good.any():
@@ -224,6 +231,7 @@ class _Builder:
     def rows(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Times, half-widths, jitter and rows; simultaneous changes are one command."""
         times, half, jitter, rows = [float(self._record.time[0])], [0.0], [0.0], [self._first]
+        # stable order: of two commands of one input at one time the later one holds
         for time, width, std, index, value in sorted(self._changes, key=lambda one: one[0]):
             if time != times[-1]:
                 times.append(time)

@@ -31,6 +31,7 @@ def _condition(record: MeasuredRecord) -> tuple[tuple[str, str], ...]:
 
 
 def _commands(record: MeasuredRecord) -> tuple[object, ...]:
+    # commands of replicates agree in their values, and only roughly in their times
     times = np.round((record.switch_times - record.times[0]) / _SAME_TIME).astype(int)
     rows = (tuple(f"{value:.{_DIGITS}g}" for value in row) for row in record.inputs)
     return tuple(zip(times.tolist(), rows, strict=True))

@@ -1,4 +1,9 @@
-"""Records that a fit must not see, selected by a condition: ``oil == 60 degC``, ``record > 20``."""
+"""Records that a fit must not see, selected by a condition: ``oil == 60 degC``, ``record > 20``.
+
+In: measurements, and an expression as a user writes it. Out: indices of records. A condition may name what
+differs between records, by the data's name or by a usual one, the levels of actuators, and ``record``; its
+quantities are converted by the units in which these are shown.
+"""
 
 from __future__ import annotations
 
@@ -110,6 +115,8 @@ def _chosen(measurements: Measurements, text: str, units: Mapping[str, str], non
     ]
     types = _types(measurements, units)
     checked = _checked(text, types)
+    # `oil == 60 degC` means the set point, of which a record has 60.3: what is compared by == or != is set to
+    # that if it is close
     exact = list(_equalities(checked, types))
     selected = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
     if not selected:

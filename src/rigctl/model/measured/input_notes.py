@@ -34,6 +34,8 @@ class SmoothedInputs:
 def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> SmoothedInputs:
     """Remove as much of the noise of measured inputs as their readings allow; commands have none."""
     smooth, noise, notes = list(records), dict[str, float](), []
+    # all records of an input together: the noise is the sensor's, and the window has to suit the fastest of
+    # them
     for name in _measured_inputs(model, rig, records):
         index = [item.name for item in model.family.inputs].index(name)
         columns = [(k, record.along.index(index)) for k, record in enumerate(smooth) if index in record.along]

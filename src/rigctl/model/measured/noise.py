@@ -1,4 +1,11 @@
-"""The noise of the measurements, estimated without any model."""
+"""The noise of the measurements, estimated without any model; and what a fitted model shows of it.
+
+In: `Measurements`. Out: `DataNoise`, the noise of each channel and which readings count. Before any fit it is
+learned from the readings alone (`noise_of`), since a missing effect would otherwise pass for noise. A fitted
+model removes most of the motion: spikes (`with_spikes_off_model`) and the level dependence of the noise
+(`with_noise_off_model`) then show that it had hidden. Only differences of residuals count, in which a missing
+effect is smooth (decision 48). `standing` decides which of it may be believed.
+"""
 
 from __future__ import annotations
 
@@ -85,6 +92,8 @@ class DataNoise:
 
 def noise_of(measurements: Measurements) -> DataNoise:
     """Estimate the noise of `measurements`; spikes are masked and counted, never dropped silently."""
+    # estimated once for the same samples, whatever their runs are called; readings near an end, which a clock
+    # may have moved, are taken away after it
     records = [replace(record, run="", index=0, label="") for record in measurements.records]
     names = (measurements.outputs, measurements.units, measurements.inputs)
     reach = [clock_reach(measurements, record) for record in measurements.records]
@@ -99,6 +108,8 @@ def noise_of(measurements: Measurements) -> DataNoise:
 def _noise_of(measurements: Measurements) -> DataNoise:
     if measurements.table:
         return _of_rows(measurements)
+    # spikes before the estimate, as one of them is as much as hundreds of readings in a sum of squares; edges
+    # after it, as they are recognised by jumps far above the noise
     records = noise_records(measurements)
     spikes = spikes_of(records)
     ok = tuple(record.here & ~mask for record, mask in zip(measurements.records, spikes, strict=True))
@@ -125,6 +136,8 @@ def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
     least = _LEAST_JUMP * _spans(measurements)
     masks = []
     for record, good in zip(measurements.records, noise.ok, strict=True):
+        # only beside switches, as wide as their times are unknown: by the logger, by the actuator, by the
+        # clock
         jumps = 1 + np.flatnonzero((np.abs(np.diff(record.inputs, axis=0)) > least).any(axis=1))
         values = np.where(good, record.values, np.nan)
         sigma = noise.model.sigma_at(values, record.times)
@@ -207,6 +220,8 @@ def with_noise_off_model(
     spiky = _spiky(noise, measurements)
     improved = []
     for index, channel in enumerate(noise.model.channels):
+        # first whether motion was taken for noise, then whether what remains grows with the level, and only
+        # if it does not, whether its tails were missed; each in the width of the one before
         one = _OneChannel(channel, index, records, residuals, [sigma[:, index] for sigma in previous])
         one = one.narrower() or one
         improved.append(one.growing() or (one.wider() if spiky[index] else None) or one)
@@ -245,6 +260,7 @@ class _OneChannel:
         shape = self.sigma if old.law else [np.ones(one.size) for one in self.sigma]
         if width is not None and width.law is not None:
             shape = self._by_law(width.law)
+        # residuals divided by the shape of the noise: one number then describes it at all levels
         typical = self._typical(shape)
         shape = [one / typical for one in shape]
         records = [
@@ -357,6 +373,8 @@ def _known(measurements: Measurements) -> dict[str, float]:
 
 def _of_rows(measurements: Measurements) -> DataNoise:
     """For a table: from neighbouring rows, or if there are too few, from the rig file or a guess."""
+    # neighbouring rows at one setting differ by noise and by what the other conditions change, which is
+    # smooth; a setting made by hand shifts all of its rows alike, and is no noise of a reading
     setting = set_variable(measurements)
     points, series = curves(measurements, but=setting)
     over = curve_variable(measurements, but=setting) or "row"

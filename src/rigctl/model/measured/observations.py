@@ -84,6 +84,8 @@ def _set_points_of_record(model: Model, run: Run, rig: Rig | None) -> dict[str, 
 
     Its motion is what a row describes, and its heater hardly changes the oil temperature in so short a time.
     """
+    # what the standard record sets at its start and never changes: a row is one such record, so these are the
+    # only set-points that it can lack
     standard = model.family.standard_record
     if standard is None or rig is None:
         return {}
@@ -125,6 +127,8 @@ def _values(row: Record) -> dict[str, float]:
 def _table(
     model: Model, run: Run, rig: Rig | None, rows: Sequence[Record], outputs: Sequence[str]
 ) -> list[MeasuredRecord]:
+    # an input with a column is taken from it, if only in some rows; one without is unknown within its range,
+    # or has the value that the model gives
     values, spans, _ = _absent(model, run, rig)
     columns = {name for row in rows for name in _values(row)}
     spans = {name: span for name, span in spans.items() if name not in columns}
@@ -174,6 +178,8 @@ def _moving(
     readings = {name: index for name, index in measures.items() if name in known}
     if standard is None or rig is None or not readings:
         return None
+    # the standard record at this row's set-points, read at the instants that its columns stand for, and
+    # nowhere else
     times = sorted({time for _, time in readings.values()})
     values = np.full((len(times), len(outputs)), np.nan)
     for name, (output, time) in readings.items():

@@ -53,6 +53,8 @@ def as_taken(times: Floats, values: Floats, late: Sequence[float], label: str) -
         )
     taken = np.round(times[:, None] + np.asarray(late), _DECIMALS)
     first, last = np.round(times[[0, -1]], _DECIMALS)
+    # a row for each time at which anything was read; the ends stay, since commands are known from the one to
+    # the other
     kept = np.isfinite(values) & (taken >= first) & (taken <= last)
     every = np.union1d(taken[kept], [first, last])
     moved = np.full((every.size, values.shape[1]), np.nan)

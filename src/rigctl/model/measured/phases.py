@@ -27,6 +27,7 @@ def phases_of(
     `units` are those in which the inputs are shown. A record without a switch is divided into an early, a
     middle and a late part instead.
     """
+    # by rows that differ: a command repeated, or one of an input that is only measured, begins no phase
     changes = [0, *(np.flatnonzero((inputs[1:] != inputs[:-1]).any(axis=1)) + 1).tolist()]
     index = np.searchsorted(switch_times[changes[1:]], times, side="left")
     used = np.unique(index)

@@ -1,4 +1,9 @@
-"""Runs as measurements for a model: its inputs from commands, its outputs from channels."""
+"""Runs as measurements for a model: its inputs from commands, its outputs from channels.
+
+In: a model, and runs of its bench. Out: `Measurements`, the one form in which fits, tests and designs see
+data: in SI, in the model's order of inputs and outputs, with the uncertainty of sensors and clocks, and with
+a note on whatever was left out, assumed or smoothed. The order of the steps is that of `read_measurements`.
+"""
 
 from __future__ import annotations
 
@@ -52,11 +57,13 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         a run belongs to another rig, has none of the model's channels, no command of the model's, or no
         usable record.
     """
+    # 1. the bench, as it was when each run was recorded, and the channels of it that the model predicts
     rig = rig_of(model, runs)
     rigs = recorded_rigs(model, runs)
     known = [output.name for output in model.family.outputs if rig is None or output.name in rig.channels]
     _require_channels(model, runs, known)
     records: list[MeasuredRecord] = []
+    # 2. records, of runs over time and of tables; very long ones are subsampled (decision 15)
     every = -(-sum(int(run.info["rows"]) for run in runs) // _MOST_SAMPLES)
     left_out: list[str | Note] = [*_thinned_note(every)]
     acts: list[Acting] = []
@@ -75,12 +82,15 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
             ]
             records += observed_records(model, run, rig, known)
     _require_records(records, runs)
+    # 3. what no record has is no output; then the condition of each record, and with it the groups of
+    # replicates
     present = [k for k in range(len(known)) if any(record.here[:, k].any() for record in records)]
     records = [replace(record, values=record.values[:, present]) for record in records]
     named = with_conditions(records, model, [known[k] for k in present])
     grouped = [
         replace(record, group=group) for record, group in zip(named, group_numbers(named), strict=True)
     ]
+    # 4. noise is taken out of measured inputs, and what a stuck sensor repeated is no reading
     steady = steady_inputs(model, rig, grouped)
     outputs = tuple(known[k] for k in present)
     if any(run.info["rows"] for run in runs):
@@ -105,6 +115,8 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
         ),
         input_noise=steady.noise,
     )
+    # 5. how wrong sensors and clocks may be, last: a gain is stated over the span of the readings that count.
+    # What is known of their errors becomes unknowns, a bare uncertainty does not
     table = as_table(measured, runs, titles(model.family.name))
     errors = _reading_errors(table, runs, rigs)
     uncertain = replace(
@@ -154,6 +166,7 @@ def _of_run(
             f"the model '{model.name}' names no rig, so that commands and channels cannot be told",
             hint="Add 'rig: …' to the model file",
         )
+    # the user's words override the record, the record overrides the model file, and that the family
     given = {name: value for name, value in model.values.items() if name in _input_names(model)}
     every_source = input_sources(model.family, rig, given)
     units = [_input_unit(source, rig) for source in every_source]
@@ -208,6 +221,8 @@ def _measured(
 ) -> MeasuredRecord:
     label = f"{run.id}/{record.index}"
     nothing = np.full(record.time.size, np.nan)
+    # times as the clocks were, by what the rig file states of them: of the readings here, of measured inputs
+    # below; what is left of an offset is an unknown (`reading_errors`)
     samples, values = as_taken(
         record.time - float(record.time[0]),
         np.column_stack([record.channels.get(name, nothing) for name in outputs]),
@@ -269,6 +284,8 @@ def _require_commands(model: Model, run: Run, rig: Rig, sources: Sequence[InputS
     roles = {item.name: item.role for item in model.family.inputs}
     wanted: list[str] = []
     commanded = [source for source in sources if source.actuators]
+    # wanted are every command with a role of its own except a heater's, at least one of the others, and
+    # whatever has no range to be unknown within
     nothing = all(unrecorded_actuators(one, run) for one in commanded if roles[one.input] != "heat")
     for source in commanded:
         absent = unrecorded_actuators(source, run)

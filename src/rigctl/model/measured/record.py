@@ -1,4 +1,9 @@
-"""Measurements in terms of a model: its commanded inputs and measured outputs."""
+"""Measurements in terms of a model: its commanded inputs and measured outputs.
+
+Made by `read` and `observations`, and turned into the engine's excitations by `Problem.excitation`. Commands
+are steps, at times of which some are known only to within a sample; measured inputs are lines between their
+readings; outputs are readings, NaN where there is none. A row of a table is a record of one instant.
+"""
 
 from __future__ import annotations
 
@@ -137,6 +142,7 @@ class MeasuredRecord:
         change; all are of one kind in a record of streamed commands."""
         if self.inputs.shape[1] == 0 or self.streamed:  # none at all: a free pendulum
             return np.zeros(len(self.inputs), dtype=np.intp)
+        # the input that changed most, in units of its range: a switch of several at once is of its kind
         changes = np.diff(self.inputs, axis=0, prepend=self.inputs[:1])
         width = np.ptp(self.inputs, axis=0)
         index = np.argmax(np.abs(changes) / np.where(width > 0.0, width, 1.0), axis=1)
@@ -148,6 +154,7 @@ class MeasuredRecord:
         """(n) the input at `index`, SI, at the samples."""
         if index in self.along:
             return np.interp(self.times, self.knots, self.lines[:, self.along.index(index)])
+        # a sample at a switch belongs to the period before it, as in `phases_of`
         last = np.searchsorted(self.switch_times, self.times, side="left") - 1
         return np.asarray(self.inputs[np.maximum(last, 0), index])
 

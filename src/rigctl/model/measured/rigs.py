@@ -33,6 +33,8 @@ def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
                 f"'{model.rig.name}'",
                 hint="Take a model of that rig, or 'rigctl import' the data with the model's",
             )
+        # the first run's bench, or a later one to which sensors were added: a record without them has no
+        # values there
         more = result is None or len(rig.channels) > len(result.channels)
         result = rig if more else result
     return result or model.rig

@@ -44,6 +44,8 @@ def smoothed(times: Floats, values: Floats, window: int) -> Floats:
     """(n) the local parabolas at the times of the readings; the first and the last one extend to the ends."""
     if window <= 1 or times.size <= window:
         return values
+    # a parabola for every window at once, in coordinates from −1 to 1, for which the normal equations are
+    # well conditioned
     t = np.lib.stride_tricks.sliding_window_view(times, window)
     u = np.lib.stride_tricks.sliding_window_view(values, window)
     middle, width = t.mean(axis=1), 0.5 * (t[:, -1] - t[:, 0])
@@ -62,6 +64,8 @@ def _is_noise(times: Floats, values: Floats, sigma: float, window: int) -> bool:
     residuals = (values - smoothed(times, values, window)) / sigma
     if float(np.sqrt(np.mean(residuals**2))) > _LARGER:
         return False
+    # sums over stretches: an input that the parabolas cut off is on one side of them for as long as a third
+    # of a window, and noise is not
     stretch = max(3, window // 3)
     runs = residuals[: residuals.size // stretch * stretch].reshape(-1, stretch).sum(axis=1) / math.sqrt(
         stretch

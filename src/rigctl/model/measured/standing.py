@@ -171,6 +171,8 @@ def with_what_is_left(
         if not pieces:
             channels.append(channel)
             continue
+        # n readings are worth n/τ, of which p are spent on unknowns; a fit with nearly as many unknowns would
+        # otherwise leave an infinite scale
         rms = float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
         together = 1.0 if independent or portmanteau(pieces) > WHITE else correlation_time(pieces)
         count = sum(piece.size for piece in pieces) / together
@@ -257,11 +259,14 @@ class _Evidence:
 
     def standing(self, index: int, channel: ChannelNoise, stated: StatedNoise | float | None) -> ChannelNoise:
         """One channel's noise by the best of what is known of it."""
+        # 1. decided after an earlier fit
         if channel.allowed or channel.remark or channel.source == "differences":  # already decided
             return channel
+        # 2. a bench that is at rest in every record has no motion to be told from noise
         if channel.own_scale and self._at_rest_throughout(index, channel):
             new = replace(channel, source="differences")
             return new.stated(channel_statement(new, None))
+        # 3. what rest or replicates show; a stated number beside it only where it may hold slower noise
         shown = self._shown(index, channel)
         if stated is not None and (shown is None or _slower_than_rest(stated, shown)):
             by_statement = self._stated(index, channel, stated)
@@ -270,6 +275,7 @@ class _Evidence:
         if shown is not None:
             unit = self.measurements.units[index]
             return shown if stated is None else _beside(shown, _total(stated), unit)
+        # 4. nothing independent shows more than the floor
         return channel if channel.own_scale else _floor_only(channel)
 
     def _shown(self, index: int, channel: ChannelNoise) -> ChannelNoise | None:
@@ -277,8 +283,11 @@ class _Evidence:
         found = [one for one in (self._at_rest(index, channel), self._between(index, channel)) if one]
         if not found or channel.source == "floor":
             return None
+        # the first estimate, from the quietest windows, is confirmed
         if any(one.fit.sigma >= _SHOWN * channel.sigma for one in found):
             return replace(channel, guessed=False)
+        # it was larger than rest or replicates show, so that it held motion: theirs, by the one with more
+        # readings behind it, and at least the rounding of a converter, uniform over a step
         best = max(found, key=lambda one: one.fit.degrees)
         if not best.fit.sigma > 0.0:
             return None
@@ -311,12 +320,16 @@ class _Evidence:
         """The noise of the windows in which nothing moves."""
         # windows that show white noise hold no signal, whatever the model says of them
         white = channel.correlation * (1.0 - channel.white) < _WHITE
+        # windows in which inputs and model rest; one run of them has to be as long as slow noise takes to
+        # show
         masks = [self._rest(k, index, channel.floor, white=white) for k in range(len(self.records))]
         long = [max(LENGTH, _LONG_REST * mask.shape[0]) for mask in masks]
         if not any(_longest(mask[:, index]) >= least for mask, least in zip(masks, long, strict=True)):
             return None  # too short a rest to show anything as slow as the record
         used = [mask & good for mask, good in zip(masks, self.noise.ok, strict=True)]
         between_rows = self.noise.model.spacing
+        # a channel that most rows lack is learned on its own rows, and its correlation converted to that over
+        # one row of the records
         records, used_rows, spacing = rows_of(self.records, used, index, between_rows)
         pooled = learn_noise(ChannelData(records, used_rows, index, spacing, channel.step))
         return pooled and _per_row(pooled, between_rows / spacing)
@@ -336,6 +349,8 @@ class _Evidence:
         values = np.where(good[:, index], record.values[:, index], np.nan)
         follows, spread = self._follows(index)
         mask = np.zeros(good.shape, bool)
+        # its inputs rest in this window. Either its readings do too, or the model says that it rests: the
+        # readings cannot say so where the noise is large
         for first, last in self.steady[k]:
             window = values[first:last]
             if not np.isfinite(window).any():
@@ -359,6 +374,7 @@ class _Evidence:
 
     def _stated(self, index: int, channel: ChannelNoise, stated: StatedNoise | float) -> ChannelNoise:
         """The floor, and the noise that the rig file states, unless the data contradict it."""
+        # a statement is contradicted from above by what a model leaves, and from below by the floor
         pieces = residual_pieces(self.noise, self.measurements, self.outputs, index, range(len(self.records)))
         total = _total(stated)
         over = stated.over or 0.0 if isinstance(stated, StatedNoise) else 0.0
@@ -489,6 +505,7 @@ def _divided(values: Floats) -> tuple[Floats, Floats]:
     good = np.isfinite(values)
     if good.sum() <= TREND_ORDER + 1:
         return np.zeros(1), np.zeros(1)
+    # orthogonal over the readings that are there, not over the window
     x = np.linspace(-1.0, 1.0, values.size)[good]
     basis = np.linalg.qr(np.polynomial.legendre.legvander(x, TREND_ORDER))[0]
     trend = basis @ (basis.T @ values[good])

@@ -34,6 +34,8 @@ def as_table(
         for name, unit in zip(measurements.outputs, measurements.units, strict=True)
     )
     table = replace(measurements, units=units, columns=columns, titles=titles)
+    # in order of the outputs: of two columns that scatter alike the first is kept, and the other remains
+    # beside it for the reader
     points, series = curves(table)
     kept: list[int] = []
     notes: list[str] = []
@@ -66,6 +68,7 @@ def curves(measurements: Measurements, but: str = "") -> tuple[Floats, NDArray[n
     It is the operating variable with the most different values, except `but`; rows that agree in all others
     lie on one curve. If nothing differs all are at one point.
     """
+    # the variable with the most values is what was swept, the others tell one sweep from the next
     over = curve_variable(measurements, but)
     records = measurements.records
     if over is None:

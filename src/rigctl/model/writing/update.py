@@ -1,4 +1,9 @@
-"""The text of a model file, updated for a changed model."""
+"""The text of a model file, updated for a changed model.
+
+In: a changed `Model` with the text from which it was read. Out: that text, in which only the entries that
+differ are replaced (decision 13). It is read again before it is returned: a layout in which that goes wrong
+is refused, and the file stays as it was.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +45,8 @@ def updated_text(model: Model, path: Path, effect_files: Sequence[Path] = ()) ->
     if not model.text:
         raise RigctlError("this model was not read from a file, so there is no file to change")
     _refuse_anchors(model.text, path)
+    # what differs from the text as it was read is written, and nothing else: digits and units of the rest
+    # stay as their user wrote them
     before = parse_model(model.text, path)
     text = Text(model.text)
     for file in effect_files:
@@ -173,6 +180,8 @@ def _word(text: str) -> str:
 
 def _write_setting(text: Text, keys: tuple[str, ...], fields: Mapping[str, str | None]) -> None:
     """Write `fields` to the entry under `keys`: the value alone if there are no other fields."""
+    # three layouts: a mapping, in which single fields change; a bare value, which becomes a mapping in braces
+    # only if there is more to say; no entry at all
     stated = {name: field for name, field in fields.items() if field is not None}
     if text.is_mapping(*keys):
         for name, field in fields.items():
