@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 from rigctl.engine.least_squares.arrow import Vector
 from rigctl.engine.least_squares.block import Refused
-from rigctl.engine.least_squares.bounded_step import BoundedStep
 from rigctl.engine.least_squares.result import Outcome
 from rigctl.engine.least_squares.state import LEAST_DAMPING, MOST_DAMPING, STRETCHED, Iterate, State
 
@@ -48,7 +47,7 @@ class Attempt:
     ended: tuple[Outcome, str] | None = None
 
 
-def bolder(state: State, bounded: BoundedStep) -> tuple[float, BoundedStep] | None:
+def bolder(state: State, step: Vector) -> tuple[float, Vector] | None:
     """(damping, step) with less damping, if only the damping limits the expected decrease; else None.
 
     Damping restricts a step most in the directions that the data determine least: along a valley in which two
@@ -57,22 +56,22 @@ def bolder(state: State, bounded: BoundedStep) -> tuple[float, BoundedStep] | No
     # cheap tests first: only late in a fit is there anything to gain, and from a point where a step was just
     # rejected the linear model is not to be trusted further
     at, cost = state.at, state.at.task.options.cost
-    expected = at.expected(bounded.step)
+    expected = at.expected(step)
     late = expected <= min(_LITTLE * cost, _LATE) * at.cost
     if not late or state.rejected or state.timid >= _BOLD:
         return None
     # what a step without damping would gain: at least ten times as much, or damping is not what limits it
-    free = at.expected(at.step(LEAST_DAMPING, state.trust.reach).step)
+    free = at.expected(at.step(LEAST_DAMPING, state.trust.reach))
     if free <= max(_LITTLE * expected, cost * at.cost):
         return None
     damping = state.trust.damping
-    while at.expected(bounded.step) < 0.5 * free and damping > LEAST_DAMPING:
+    while at.expected(step) < 0.5 * free and damping > LEAST_DAMPING:
         damping = max(LEAST_DAMPING, damping * _LESS)
-        bounded = at.step(damping, state.trust.reach)
-    return damping, bounded
+        step = at.step(damping, state.trust.reach)
+    return damping, step
 
 
-def dared(state: State, damping: float, bounded: BoundedStep) -> Attempt:
+def dared(state: State, damping: float, step: Vector) -> Attempt:
     """Take a step with less damping if the cost then falls, immediately or after a few further steps.
 
     Along a curved valley every step of useful length ends on its side, and damping would shorten it to almost
@@ -81,11 +80,11 @@ def dared(state: State, damping: float, bounded: BoundedStep) -> Attempt:
     # the watchdog: a step that raises the cost is taken for the time being, and judged by where the next ones
     # lead
     before, at = state.at, state.at
-    largest = before.largest(bounded.step)
-    enough = before.cost - _LEAST_GAIN * before.expected(bounded.step)
+    largest = before.largest(step)
+    enough = before.cost - _LEAST_GAIN * before.expected(step)
     for remaining in range(_ASIDE, -1, -1):
         # a step aside may raise the cost; the last one has to lead below it
-        reached = _reached(at, bounded.step, below=math.inf if remaining else enough)
+        reached = _reached(at, step, below=math.inf if remaining else enough)
         if reached is None:
             break
         at = reached
@@ -95,7 +94,7 @@ def dared(state: State, damping: float, bounded: BoundedStep) -> Attempt:
             return Attempt(
                 replace(state, at=at, trust=trust, rejected=False, timid=state.timid + little), True, largest
             )
-        bounded = at.step(damping, state.trust.reach)
+        step = at.step(damping, state.trust.reach)
     return Attempt(replace(state, timid=state.timid + 1), False)
 
 
@@ -114,23 +113,23 @@ def _reached(at: Iterate, step: Vector, *, below: float) -> Iterate | None:
     return None if isinstance(blocks, Refused) else at.moved(trial, task.cost(blocks, trial), blocks)
 
 
-def tried(state: State, bounded: BoundedStep) -> Attempt:
+def tried(state: State, step: Vector) -> Attempt:
     """Evaluate the cost at the end of the step, and move there, or further, if it is lower.
 
     If the state is eager, derivatives are computed in the first evaluation: most steps are accepted, and then
     one call does the work of two.
     """
     at, task = state.at, state.at.task
-    trial, expected = at.ahead(bounded.step), at.expected(bounded.step)
+    trial, expected = at.ahead(step), at.expected(step)
     # first the cost at the end of the step
     blocks = task.blocks(trial, derivatives=state.eager)
     cost = math.inf if isinstance(blocks, Refused) else task.cost(blocks, trial)
     gain = (at.cost - cost) / expected if expected > 0.0 else -1.0
     reason = blocks.reason if isinstance(blocks, Refused) else ""
-    largest, accepted, complete = at.largest(bounded.step), gain > _LEAST_GAIN, state.eager
+    largest, accepted, complete = at.largest(step), gain > _LEAST_GAIN, state.eager
     # then further ahead, if it fell more than a linear model can explain
     if gain > STRETCHED:
-        further = _further(at, bounded.step, cost)
+        further = _further(at, step, cost)
         if further is not None:
             trial, cost = further
             complete = False
@@ -138,7 +137,7 @@ def tried(state: State, bounded: BoundedStep) -> Attempt:
     if accepted and not complete:
         blocks = task.blocks(trial, derivatives=True)
     if accepted and not isinstance(blocks, Refused):
-        trust = state.trust.after_success(gain, largest)
+        trust = state.trust.after_success(gain, largest, task.options.largest_step)
         eager = 0.25 < gain <= STRETCHED
         moved = replace(state, at=at.moved(trial, cost, blocks), trust=trust, rejected=False, eager=eager)
         return Attempt(moved, True, largest, reason)
@@ -148,7 +147,8 @@ def tried(state: State, bounded: BoundedStep) -> Attempt:
 def _rejected(state: State, largest: float, reason: str, expected: float) -> Attempt:
     """Stay, with a shorter next step; the end if the step was too small for the model's accuracy, or if none
     lowers the cost."""
-    at, trust = state.at, replace(state.trust, reach=state.trust.first)
+    at = state.at
+    trust = replace(state.trust, reach=at.task.options.largest_step)
     ended = None
     if 0.0 <= expected <= _EXACT * at.cost and trust.damping < 1.0:
         ended = Outcome.COST, "The cost falls no further than the model is exact"

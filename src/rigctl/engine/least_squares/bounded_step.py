@@ -8,28 +8,17 @@ released.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.least_squares.arrow import Arrow, Factors, Vector, eliminate
+from rigctl.engine.least_squares.arrow import Arrow, Vector, eliminate
 
 Floats = NDArray[np.float64]
 
 _ROUNDS = 25
 
 
-@dataclass(frozen=True)
-class BoundedStep:
-    """A step, which parameters were held (1 free, 0 held), and the factors with which it was solved."""
-
-    step: Vector
-    free: Vector
-    factors: Factors
-
-
-def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, upper: Vector) -> BoundedStep:
+def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, upper: Vector) -> Vector:
     """The step with the smallest sum of squares between `lower` <= 0 and `upper` >= 0.
 
     Parameters
@@ -43,8 +32,8 @@ def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, up
     free, fixed = np.ones(low.size), np.zeros(low.size)
     released = np.zeros(low.size, dtype=bool)
     for _ in range(_ROUNDS):
-        factors = eliminate(arrow, weight, target, lower.like(free), lower.like(fixed))
-        step = _complete(factors.solve(), free, fixed, lower)
+        solved = eliminate(arrow, weight, target, lower.like(free), lower.like(fixed)).solve()
+        step = _complete(solved, free, fixed, lower)
         outside = (free > 0.0) & ((step < low) | (step > high))
         if outside.any():
             free[outside] = 0.0
@@ -58,8 +47,7 @@ def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, up
             break
         released |= back
         free[back], fixed[back] = 1.0, 0.0
-    step = np.clip(step, low, high)
-    return BoundedStep(lower.like(step), lower.like(free), factors)
+    return lower.like(np.clip(step, low, high))
 
 
 def _complete(solved: Vector, free: Floats, fixed: Floats, like: Vector) -> Floats:

@@ -96,16 +96,16 @@ def attempts(state: State) -> Iterator[Attempt]:
 
 def _attempt(state: State) -> Attempt:
     """One iteration: the step, what came of it, and whether the fit ends."""
-    before, bounded = state.at.cost, state.step()
+    before, step = state.at.cost, state.step()
     # first a step with less damping, where damping alone keeps the step short
-    bold = bolder(state, bounded)
+    bold = bolder(state, step)
     attempt = Attempt(state, accepted=False) if bold is None else dared(state, *bold)
     if not attempt.accepted:
         # the tests of the end, before an evaluation that would be wasted
-        ended = at_end(attempt.state, bounded)
+        ended = at_end(attempt.state, step)
         if ended is not None:
             return replace(attempt, ended=ended)
-        attempt = tried(attempt.state, bounded)
+        attempt = tried(attempt.state, step)
     state = replace(attempt.state, falls=(*attempt.state.falls, before - attempt.state.at.cost))
     return replace(attempt, state=state, ended=attempt.ended or out_of_patience(state))
 
@@ -118,8 +118,7 @@ def _at_start(task: Task) -> State:
         )
     start = task.linearised(task.start, task.cost(blocks, task.start), blocks)
     _refuse_null_columns(start, blocks)
-    reach = task.options.largest_step
-    return State(start, Trust(reach, reach))
+    return State(start, Trust(task.options.largest_step))
 
 
 def _refuse_null_columns(start: Iterate, blocks: Sequence[Block]) -> None:

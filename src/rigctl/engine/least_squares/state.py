@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rigctl.engine.least_squares.arrow import Arrow, Vector, reduce_blocks
 from rigctl.engine.least_squares.block import Block, Evaluate, Refused
-from rigctl.engine.least_squares.bounded_step import BoundedStep, bounded_step
+from rigctl.engine.least_squares.bounded_step import bounded_step
 from rigctl.engine.least_squares.unknown import Priors, Unknown, starts
 
 Floats = NDArray[np.float64]
@@ -164,7 +164,7 @@ class Iterate:
         priors = self.task.priors
         return np.asarray(self.arrow.gradient().flat() + priors.weight * priors.residual(self.flat))
 
-    def step(self, damping: float, reach: float) -> BoundedStep:
+    def step(self, damping: float, reach: float) -> Vector:
         """The damped step inside the bounds and the box, in the parameters' own units."""
         # in scaled variables x·scale, in which every column has at most the length 1: there damping acts on
         # all unknowns alike (Marquardt), whatever their units
@@ -176,15 +176,11 @@ class Iterate:
         # 0, and a prior's weight·step = -residual
         residual, weight = task.priors.residual(flat), task.priors.weight / scale
         total = np.sqrt(weight**2 + damping * task.nonlinear)
-        bounded = bounded_step(
-            self.arrow.scaled(like(scale)),
-            like(total),
-            like(-weight * residual / total),
-            like(lower),
-            like(upper),
+        target = -weight * residual / total
+        step = bounded_step(
+            self.arrow.scaled(like(scale)), like(total), like(target), like(lower), like(upper)
         )
-        step = like(bounded.step.flat() / scale)
-        return BoundedStep(step, bounded.free, bounded.factors)
+        return like(step.flat() / scale)
 
     def expected(self, step: Vector) -> float:
         """The decrease of the cost predicted by the linear model."""
@@ -211,26 +207,25 @@ class Trust:
 
     Attributes
     ----------
-    reach: half the side of the box, in units of the unknowns' sizes; `first` what it was at the start.
+    reach: half the side of the box, in units of the unknowns' sizes.
     growth: the factor on the damping after the next rejected step.
     """
 
-    first: float
     reach: float
     damping: float = _FIRST_DAMPING
     growth: float = 2.0
 
-    def after_success(self, gain: float, largest: float) -> Trust:
+    def after_success(self, gain: float, largest: float, first: float) -> Trust:
         """After a step with this ratio of the actual to the expected decrease.
 
         Less damping after a step as predicted by the linear model (Nielsen's rule), and a larger box if that
-        limited it.
+        limited it; `first` is what it was at the start.
         """
         damping, reach = self.damping, self.reach
         if gain <= STRETCHED:
             damping = max(LEAST_DAMPING, damping * max(1 / 3, 1.0 - (2.0 * gain - 1.0) ** 3))
         if largest > _CUT_OFF * reach and gain > _AS_EXPECTED:
-            reach = min(_LONGER * reach, _LONGEST * self.first)
+            reach = min(_LONGER * reach, _LONGEST * first)
         return replace(self, reach=reach, damping=damping, growth=2.0)
 
     def for_shorter(self, at: Iterate, largest: float) -> Trust:
@@ -241,7 +236,7 @@ class Trust:
         damping, growth = self.damping, self.growth
         while True:
             damping, growth = damping * growth, growth * 2.0
-            if damping > MOST_DAMPING or at.largest(at.step(damping, self.reach).step) <= _SHORTER * largest:
+            if damping > MOST_DAMPING or at.largest(at.step(damping, self.reach)) <= _SHORTER * largest:
                 return replace(self, damping=damping, growth=growth)
 
 
@@ -264,6 +259,6 @@ class State:
     eager: bool = True
     falls: tuple[float, ...] = ()
 
-    def step(self) -> BoundedStep:
+    def step(self) -> Vector:
         """The next step."""
         return self.at.step(self.trust.damping, self.trust.reach)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rigctl.engine.least_squares.bounded_step import BoundedStep
+from rigctl.engine.least_squares.arrow import Vector
 from rigctl.engine.least_squares.result import Outcome
 from rigctl.engine.least_squares.state import Iterate, State
 
@@ -12,8 +12,8 @@ _NEARER = 0.01  # share of the difference to the rival's cost that a step must b
 _PATIENCE = 4  # number of steps that together must lower the cost by the tolerance
 
 
-def at_end(state: State, bounded: BoundedStep) -> tuple[Outcome, str] | None:
-    """The end if the next step would be `bounded`, and is not worth an evaluation."""
+def at_end(state: State, step: Vector) -> tuple[Outcome, str] | None:
+    """The end if the next step would be `step`, and is not worth an evaluation."""
     at, options, damping = state.at, state.at.task.options, state.trust.damping
     # an unknown at a bound may have a gradient that points outwards: it is no reason to go on
     flat, gradient = at.flat, at.gradient
@@ -22,12 +22,12 @@ def at_end(state: State, bounded: BoundedStep) -> tuple[Outcome, str] | None:
     cosine = np.abs(gradient[~blocked] / (at.scale[~blocked] * length)).max(initial=0.0)
     if cosine <= options.gradient:
         return Outcome.GRADIENT, "The residuals cannot be made smaller"
-    if at.change(bounded.step).max(initial=0.0) <= options.step:
+    if at.change(step).max(initial=0.0) <= options.step:
         if damping > 1.0:
             return Outcome.STALLED, "No step lowers the cost"
         return Outcome.STEP, "No parameter moves any more"
     # with strong damping a small decrease says something of the damping, and nothing of the minimum
-    if damping < 1.0 and 0.0 <= at.expected(bounded.step) <= _enough(at):
+    if damping < 1.0 and 0.0 <= at.expected(step) <= _enough(at):
         return Outcome.COST, "The cost does not fall any more"
     return None
 
