@@ -1,4 +1,10 @@
-"""SQL over all runs: DuckDB queries their Parquet files, without access to the file system."""
+"""SQL over all runs: DuckDB queries their Parquet files, without access to the file system.
+
+In: one SELECT, typed by a person or sent by a page, which may be anything. Out: its rows. Three limits
+make it harmless: the statement must be a single SELECT; Arrow opens the runs' files and hands DuckDB
+their data, so that the database is left without any file system; and memory, temporary files and
+extensions are restricted before the query is carried out. The last setting locks all of them.
+"""
 
 from __future__ import annotations
 
@@ -184,6 +190,8 @@ def _make_views(
     _make_runs(connection, closed.values())
     _make_units(connection, closed.values())
     for view, (file, empty) in _FILES.items():
+        # Files are opened only for views that the query names: with many runs, opening them all is what takes
+        # time.
         if closed and re.search(view, sql, re.IGNORECASE):
             connection.register(view, _files_as_one(closed, file))
         else:
@@ -221,6 +229,8 @@ def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Datas
         path = folder / file
         with open_table(path) as opened:
             schemas.append(pa.schema([(field.name, field.type) for field in opened.schema_arrow]))
+        # The run's id is no column of the file: it is stated as a partition, by which runs are also left out
+        # unread.
         named = ds.field("run") == folder.name
         if isinstance(folder, Path):
             files, where = local, str(path)

@@ -51,8 +51,11 @@ def verify(folder: Path) -> Verification:
     try:
         info = run_json.read_info(folder)
     except RigctlError:
+        # A damaged ``run.json`` is not the end: the log and the journal are what it is made from.
         info = None
     try:
+        # Three reasons to make the tables again, all of them left by a kill or by damage; otherwise nothing
+        # is written.
         if info is None or _unclosed(folder, info) or _annotated_since(folder, info):
             return _recover(folder, info)
     except RigctlError as problem:

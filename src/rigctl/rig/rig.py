@@ -1,4 +1,13 @@
-"""The bench, as described by a rig file."""
+"""The bench, as described by a rig file.
+
+In: the fields of the file, each checked by itself here, and together in `rigctl.rig.checks`. Out: what
+everything else asks of a bench: its channels, its columns, its limits, its devices, and how fast and how
+often they are read.
+
+A rig with several devices is also seen in parts (`parts`), each a rig with one device, so that backends,
+checks and interlocks know only one case; and undivided, as a simulation sees it. Copies are made with
+`model_copy`, which drops what was computed from the old fields.
+"""
 
 from __future__ import annotations
 

@@ -209,6 +209,12 @@ class Feed:
         self._thread = threading.Thread(target=self._work, name=f"feed {folder.name}", daemon=True)
         self._thread.start()
 
+    def goes_on(self) -> bool:
+        """Keep reading for a window that is about to join; return False if the thread has ended already."""
+        with self._lock:
+            self._asked = monotonic()
+            return not self.over
+
     def join(self, watcher: Watcher, window: float, width: int) -> None:
         """Start to serve a window; called again to change its time span."""
         with self._lock:

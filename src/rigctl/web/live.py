@@ -217,7 +217,7 @@ class Live:
         with self._lock:
             # Reading the run's header takes time and is done without the lock.
             feed = self._feeds.get(run)
-            if feed is not None and not feed.over:
+            if feed is not None and feed.goes_on():
                 return feed
         folder = self._folder(run)
         info = read_info(folder)

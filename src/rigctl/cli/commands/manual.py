@@ -1,4 +1,9 @@
-"""`rigctl off`, `jog` and `monitor`: manual operation of the bench."""
+"""`rigctl off`, `jog` and `monitor`: manual operation of the bench.
+
+The commands only find the rig, the address and the person; what they do is in `rigctl.runner.switch_off`
+and `rigctl.runner.manual`. `off` is kept apart from all that takes time to import: it must work on a busy
+computer, without a project, and with nothing but a port.
+"""
 
 from __future__ import annotations
 
@@ -54,6 +59,7 @@ def off(
     from rigctl.runner.switch_off import switch_off
 
     say_guards()
+    # From here on the operator is told after a moment not to wait, whatever hangs.
     with _impatient():
         bench = open_rig_at(port[0]) if rig is None and port else open_rig(rig)
         result = switch_off(bench, access_of(bench, backend, port, "1x", clear_trips=clear_trips))

@@ -1,4 +1,11 @@
-"""Uploads a closed run to storage, with checksums, retries and continuation."""
+"""Uploads a closed run to storage, with checksums, retries and continuation.
+
+In: a run's folder and an address. Out: the same files there. A run appears in the storage only with its
+``run.json``, which is sent last, so that an upload that was cut off is no run, and can simply be
+repeated: what is there with the right checksum is not sent again. Ids are given by each computer, so that
+two different runs may have the same one; the reservation, made before anything is sent, decides which of
+them has it.
+"""
 
 from __future__ import annotations
 
@@ -53,6 +60,7 @@ def upload(folder: Path, store: Store) -> Uploaded:
     """
     info = _closed(folder)
     stored = store.folder(folder.name)
+    # First by what is there already; a run that is not there is reserved, as another may be on its way.
     if not _require_same(info, stored):
         _reserve(info, stored)
     files = sorted(path for path in folder.iterdir() if path.is_file() and _belongs(path.name))
@@ -122,6 +130,7 @@ def _another(stored: StoredFolder) -> RigctlError:
 def _send(path: Path, stored: StoredFile, info: dict[str, Any]) -> bool:
     """Send a file unless it exists; return whether it was sent."""
     known = run_json.file_facts(path)
+    # What has changed since the run was closed is not spread further.
     if info["files"].get(path.name, known) != known:
         raise RigctlError(
             "the file has changed since the run was closed: it is not sent",
@@ -137,6 +146,7 @@ def _send(path: Path, stored: StoredFile, info: dict[str, Any]) -> bool:
             time.sleep(_PAUSE * 2.0 ** (attempt - 1))
         try:
             stored.send(str(path))
+            # Read back: storage that confirms is not storage that has stored.
             facts = stored.facts()
         except RigctlError as error:
             problem = error

@@ -1,4 +1,9 @@
-"""A runs folder at a storage address, and the folder of one run in it."""
+"""A runs folder at a storage address, and the folder of one run in it.
+
+In: an address of `fsspec`, and requests. Out: listings, ``run.json`` of many runs at once, files.
+Whatever a storage or its library may raise becomes one kind of error (`answering`), since a storage that
+is silent must never be taken for one without runs.
+"""
 
 from __future__ import annotations
 

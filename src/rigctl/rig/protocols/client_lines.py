@@ -108,6 +108,7 @@ def client_lines(
     timeout: of an answer, s; by default the device's, with an allowance.
     safe: how many commands ``safe N`` make outputs safe, before the safe values are written.
     """
+    # From here on the device looks like one with lines: nothing below knows of registers or nodes.
     writes = {name: _positions_of(actuators, name, part.values) for name, part in device.actuators.items()}
     beat = device.heartbeat
     queries = [

@@ -5,6 +5,11 @@ of compiled equations ends only this process.
 
 While a slider moves, pictures are requested faster than they can be computed: only the newest waiting request
 counts. Everything else is done in the order of the requests.
+
+Three threads: the main one reads the pipe and only queues (`take`); one computes pictures of a moving
+slider, of which a newer request replaces one that waits (`_moving`); one carries out everything else in
+order (`_waiting`). The condition `_arrival` protects both queues, `_sending` the pipe. A long computation
+asks in between whether something newer waits (`_idle`), and gives up then.
 """
 
 from __future__ import annotations
@@ -101,6 +106,7 @@ class _Session:
     def take(self, request: Mapping[str, Any]) -> None:
         """Put a message into the queue of its worker; it is refused if too many wait already."""
         with self._arrival:
+            # Never queued, only replaced; and so never refused.
             follows = request.get("do") == "follow"
             refused = not follows and len(self._waiting) >= _MOST_WAITING
             if follows:
@@ -273,6 +279,7 @@ class _Session:
         at_once = bench.follow(state, self._drawn(bench), budget=math.inf)
         self._send_picture(at_once, header)
         try:
+            # The quick picture is shown already; the exact one is worth its time only if nothing newer waits.
             exact = bench.settle(state, wanted=self._idle)
         except Cancelled:
             return

@@ -1,4 +1,9 @@
-"""Connects a page with its workbench: messages pass unchanged."""
+"""Connects a page with its workbench: messages pass unchanged.
+
+For each page: a process, a thread that reads its pipe, and two tasks of the event loop, one for each
+direction. The thread reads on only while there is room in the queue, so that a page that does not read
+holds up its own process and fills no memory. Whichever direction ends first ends all.
+"""
 
 from __future__ import annotations
 
@@ -76,6 +81,8 @@ async def _through(socket: WebSocket, folder: str) -> None:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        # The thread may be waiting for room, or in `recv_bytes`: the first is released here, the second by
+        # the end of the process.
         over.set()
         room.release()
         process.terminate()

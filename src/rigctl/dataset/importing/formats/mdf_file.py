@@ -1,4 +1,8 @@
-"""ASAM MDF 4 (and 3): each channel group is a record; time is its master, units are the channels' own."""
+"""ASAM MDF 4 (and 3): each channel group is a record; time is its master, units are the channels' own.
+
+In: a file, read by asammdf in a process of its own. Out: its channel groups as `Group`s. A small file is
+held in memory; a large one is read in pieces, and again on each pass.
+"""
 
 from __future__ import annotations
 
@@ -142,6 +146,7 @@ def _started(file: Any, options: Options, remarks: list[str]) -> int | None:
     began = _start_of(file.header)
     if began is None:
         return None
+    # A start with a zone is an instant; one without is a local time, whose zone only the user knows.
     if began.tzinfo is not None:
         return round(began.timestamp() * 1e6) * 1000
     if options.zone is None:

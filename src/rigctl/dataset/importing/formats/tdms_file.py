@@ -100,11 +100,14 @@ def _group(path: Path, group: Any, options: Options, damage: Sequence[str], star
     where = f"group '{group.name}'"
     used = [channel for channel in channels if options.ours(_heading(channel)[0]) != "-"]
     timed = any(options.ours(_heading(channel)[0]) == "time" for channel in channels)
+    # A channel of times takes precedence over the properties of a waveform.
     waveforms = {} if timed else _waveforms(used, starts)
+    # Different times for each channel are accepted only where they are brought to common ones afterwards.
     if waveforms and options.resample is not None and not damage and _differ(waveforms):
         began = min((began for parts in starts.values() for _, began in parts), default=0)
         return _with_own_clocks(group.name, used, waveforms, options, began)
     lengths = {_heading(channel)[0]: len(channel) for channel in channels}
+    # A file that was cut off ends in the middle of a row of channels.
     rows = min(lengths.values(), default=0) if damage else common_length(path, where, lengths, options)
     columns = [Column(*_heading(channel), _reader(channel)) for channel in channels]
     if waveforms:
