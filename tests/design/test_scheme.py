@@ -24,6 +24,7 @@ from rigctl.steps.heat import Heat
 from rigctl.steps.move import Move
 from rigctl.steps.set_pressure import SetLevel
 from rigctl.steps.wait import Wait
+from rigctl.steps.waveform.step import Waveform
 
 
 def stroke(inputs: int, *, valve: int = 0) -> MeasuredRecord:
@@ -83,6 +84,49 @@ def test_a_written_record_has_the_switches_and_the_operating_point_simulated(
     (temperature,) = [one.to for one in actions if isinstance(one, Heat)]
     assert course.inputs[:, 2] == pytest.approx(pressure)
     assert course.readings["oil_temperature"] == pytest.approx(temperature)
+
+
+def heated(seconds: float) -> MeasuredRecord:
+    """A record of the heater board: one step of one heater."""
+    times = np.arange(0.0, seconds)
+    return MeasuredRecord(
+        run="a",
+        index=0,
+        label="step",
+        times=times,
+        switch_times=np.array([0.0, 60.0]),
+        switch_half=np.zeros(2),
+        inputs=np.array([[0.0, 0.0, 295.15], [0.4, 0.0, 295.15]]),
+        values=np.zeros((times.size, 2)),
+        condition={},
+        group=0,
+        phase=np.zeros(times.size, dtype=np.intp),
+        phases=("all",),
+    )
+
+
+@settings(max_examples=20)
+@given(driven=st.sampled_from(["heater_1", "heater_2"]), seed=st.integers(0, 10**6))
+def test_a_multisine_is_carried_out_as_it_was_simulated(driven: str, seed: int) -> None:
+    """The procedure is parsed again, with the rig's checks of the waveform's range, rate and sampling."""
+    rig = load_rig(shipped() / "rigs" / "heater-board.yaml")
+    sources = input_sources("heater_board", rig)
+    stage = Stage(rig, sources, {"ambient": 295.15}, {"temperature_1": 300.0, "temperature_2": 300.0})
+    (scheme,) = [one for one in schemes_of(stage, [heated(600.0)]) if one.name == f"multisine of {driven}"]
+    recipe = scheme.recipe(np.random.default_rng(seed).uniform(size=len(scheme.free)).tolist())
+    plan = expand(parse_procedure(Writer(rig).text([recipe])), rig)
+    (record,) = [node for node in walk(plan.root) if isinstance(node, RecordNode)]
+    (waveform,) = [node.action for node in walk(record.body) if isinstance(node, Leaf)]
+    assert isinstance(waveform, Waveform)
+    given_then = [one for one in waveform.course(None) if one[0] < waveform.duration - 1e-9]
+    course = stage.course(recipe)
+    assert course.length == pytest.approx(waveform.duration)
+    (column,) = [k for k, source in enumerate(sources) if [name for name, _ in source.actuators] == [driven]]
+    factor = dict(sources[column].actuators)[driven]
+    held = np.searchsorted(course.switch_times, [time + 1e-6 for time, _ in given_then], side="right") - 1
+    expected = [factor * value for _, value in given_then]
+    assert course.inputs[held, column] == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert len(course.switch_times) <= len(given_then)
 
 
 @settings(max_examples=20)

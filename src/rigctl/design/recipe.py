@@ -16,27 +16,69 @@ import numpy as np
 from rigctl.design.virtual_records import PlannedRecord
 from rigctl.model.inputs import InputSource, input_values
 from rigctl.rig.rig import Rig
+from rigctl.rig.roles import MoveRole
+from rigctl.steps.waveform.multisine import multisine
+from rigctl.steps.waveform.shapes import commands
 from rigctl.units import parse_unit, show
 
 #: upper limit on the number of samples while levels hold before a record
 _LOOKS = 2000.0
 #: the action of a step of a record
-Verb = Literal["wait", "extend", "retract", "set"]
+Verb = Literal["wait", "extend", "retract", "set", "waveform"]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One actuator along one period of a multisine: lines 1 to `lines` of 1/period, of equal amplitudes.
+
+    Attributes
+    ----------
+    mean, amplitude: SI; `amplitude` is the largest deviation from the mean.
+    period: s.
+    rate: commands per second; between two of them the first is held.
+    """
+
+    actuator: str
+    mean: float
+    amplitude: float
+    period: float
+    lines: int
+    rate: float
+
+    def course(self) -> list[tuple[float, float]]:
+        """The commands within the period, as the step `waveform` gives them: times in s, SI values."""
+        shape = multisine(
+            self.mean, (1.0 / self.period, self.lines / self.period), self.period, amplitude=self.amplitude
+        )
+        return [one for one in commands(shape, 1.0 / self.rate) if one[0] < self.period]
+
+    def text(self, rig: Rig) -> str:
+        """As written in a procedure, with the digits by which it finds the same lines."""
+        actuator = rig.actuators[self.actuator]
+        mean = show(self.mean, actuator.display_unit, digits=6)
+        amplitude = show(self.amplitude, actuator.display_unit, difference=True, digits=6)
+        low, high = (f"{line / self.period:.9g} Hz" for line in (1, self.lines))
+        return (
+            f"{{actuator: {self.actuator}, multisine: {{mean: {mean}, from: {low}, "
+            f"to: {high}, amplitude: {amplitude}, period: {seconds(self.period)}}}, rate: {self.rate:g} Hz}}"
+        )
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a record: a move or a wait for a time, or levels that are held.
+    """One step of a record: a move or a wait for a time, levels that are held, or a waveform.
 
     Attributes
     ----------
     seconds: its duration.
     levels: for `set`, by actuator, SI.
+    drive: for `waveform`.
     """
 
     verb: Verb
     seconds: float
     levels: Mapping[str, float] = field(default_factory=dict)
+    drive: Drive | None = None
 
 
 @dataclass(frozen=True)
@@ -114,13 +156,14 @@ class Stage:
         times, rows = [0.0], [self.inputs(commands)]
         clock = 0.0
         for step in recipe.steps:
-            commands = commands | self._commanded(step)
-            row = self.inputs(commands)
-            if clock > 0.0 and not np.array_equal(row, rows[-1]):
-                times.append(clock)
-                rows.append(row)
-            elif clock == 0.0:
-                rows[0] = row
+            for since, changed in self._commanded(step):
+                commands = commands | changed
+                row, at = self.inputs(commands), clock + since
+                if at > 0.0 and not np.array_equal(row, rows[-1]):
+                    times.append(at)
+                    rows.append(row)
+                elif at == 0.0:
+                    rows[0] = row
             clock += step.seconds
             commands = commands | self._after(step)
         return PlannedRecord(np.array(times), np.array(rows), clock, recipe.rate, self.first(recipe), label)
@@ -161,19 +204,24 @@ class Stage:
             commands[role.actuator] = recipe.pressure
         return commands | dict(recipe.before)
 
-    def _commanded(self, step: Step) -> dict[str, float]:
+    def _commanded(self, step: Step) -> list[tuple[float, dict[str, float]]]:
+        """The commands of a step: times in s from its start, and what changes then."""
+        if step.drive is not None:
+            return [(time, {step.drive.actuator: value}) for time, value in step.drive.course()]
         if step.verb == "set":
-            return dict(step.levels)
-        role = {"extend": self.rig.roles.extend, "retract": self.rig.roles.retract}.get(step.verb)
+            return [(0.0, dict(step.levels))]
+        role = self._mover(step)
         if role is None:
-            return {}
-        return {role.actuator: self.rig.actuators[role.actuator].read(role.value.text)}
+            return [(0.0, {})]
+        return [(0.0, {role.actuator: self.rig.actuators[role.actuator].read(role.value.text)})]
 
     def _after(self, step: Step) -> dict[str, float]:
         """A move ends with its actuator safe; a level remains."""
-        if step.verb not in ("extend", "retract"):
-            return {}
-        return {name: self.commands_before(Recipe((), 1.0))[name] for name in self._commanded(step)}
+        role = self._mover(step)
+        return {} if role is None else {role.actuator: self.commands_before(Recipe((), 1.0))[role.actuator]}
+
+    def _mover(self, step: Step) -> MoveRole | None:
+        return {"extend": self.rig.roles.extend, "retract": self.rig.roles.retract}.get(step.verb)
 
     def _scaled_to(self, readings: dict[str, float], channel: str, pressure: float) -> None:
         """Before a record, pressures are in proportion to the set one."""
@@ -195,7 +243,9 @@ def lines_of(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
     """The steps of the record, one line each, as in a procedure without its dashes."""
     lines: list[str] = []
     for step in recipe.steps:
-        if step.verb == "set":
+        if step.drive is not None:
+            lines.append(f"waveform: {step.drive.text(rig)}")
+        elif step.verb == "set":
             lines.append(f"set: {levels_text(step.levels, rig)}")
             lines.append(f"wait: {seconds(step.seconds)}")
         else:

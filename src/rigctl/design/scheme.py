@@ -2,9 +2,9 @@
 
 In: the rig with the conditions of the data so far (`Stage`), and their records. Out: `Scheme`s, each a map
 from the unit cube to recipes. A bench that moves gets the order of moves of earlier records, and orders that
-start or end elsewhere; a bench that is set to levels gets staircases of them, and slow ramps if they are
-continuous. Commands of earlier records are known to be possible on the bench, and imported data have no
-procedure that could be varied instead.
+start or end elsewhere; a bench that is set to levels gets staircases of them, and if they are continuous slow
+ramps, and multisines of one of them. Commands of earlier records are known to be possible on the bench, and
+imported data have no procedure that could be varied instead.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.design.recipe import Recipe, Stage, Step, Verb, rounded
+from rigctl.design.recipe import Drive, Recipe, Stage, Step, Verb, rounded
 from rigctl.design.refusals import NothingToSet
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.inputs import InputSource, input_sources
 from rigctl.model.measured.groups import first_reading
 from rigctl.model.measured.record import MeasuredRecord
+from rigctl.rig.actuator import Actuator
 from rigctl.rig.rig import Rig
+from rigctl.steps.waveform.checks import SHORTEST
 from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
@@ -36,6 +38,11 @@ _ROUNDING = 0.05
 _LEVELS = 4
 #: number of steps of a ramp, in each direction
 _RAMP = 6
+#: most lines of a multisine, commands per period of its highest line, and samples at least
+_LINES, _COMMANDS, _SAMPLES = 5, 8, 4
+#: share of the distance to the ends of a level's range that a multisine uses: between the points at which its
+#: peaks are sought it may be higher by less
+_WITHIN = 0.99
 #: resolution of a level's range, and of a time's digits: what is written is what is simulated
 _PARTS = 100.0
 #: possible sequences of moves in a record, for benches that have these moves
@@ -217,6 +224,11 @@ def _level_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[
         dwell_of_ramp = _LEVELS * dwell / (2.0 * _RAMP)
         time = _time("dwell", _SHORTER * dwell_of_ramp / _LEVELS, dwell_of_ramp)
         yield _ramp(stage, continuous, point, time, rate, rest=dwell)
+    for one in continuous:
+        period = _period(stage.rig.actuators[one.name], rate, _LEVELS * dwell)
+        if period is not None:
+            others = [level for level in levels if level is not one]
+            yield _multisine(stage.rig, one, others, point, period, rate, rest=dwell)
 
 
 def _staircase(
@@ -254,6 +266,52 @@ def _ramp(
         return Recipe(steps, rate, *before, before=ends[0], rest=rest)
 
     return Scheme("ramp", (*point, *free, time), build)
+
+
+def _multisine(
+    rig: Rig,
+    driven: Free,
+    others: Sequence[Free],
+    point: Sequence[Free],
+    period: Free,
+    rate: float,
+    rest: float,
+) -> Scheme:
+    """A scheme of one level along a multisine about a mean, while the others hold.
+
+    A staircase tells gains and slow times apart; a band of frequencies tells lags, delays and resonances
+    apart. The search chooses the band: its lowest frequency is 1/period, and its highest a few times that.
+    """
+    ends = [replace(driven, name=f"{driven.name} {end}") for end in ("least", "most")]
+    lines = Free("lines", 2.0, float(_LINES), "1", 1.0)
+
+    def build(values: Mapping[str, float]) -> Recipe:
+        low, high = sorted(values[one.name] for one in ends)
+        drive = Drive(
+            driven.name,
+            (low + high) / 2.0,
+            _WITHIN * max(high - low, parse_unit(driven.unit).factor * driven.step) / 2.0,
+            values["period"],
+            round(values["lines"]),
+            _command_rate(rig.actuators[driven.name], values["lines"] / values["period"]),
+        )
+        before = {one.name: values[one.name] for one in others} | {driven.name: drive.mean}
+        steps = (Step("waveform", drive.period, drive=drive),)
+        return Recipe(steps, rate, values.get("temperature"), values.get("pressure"), before, rest)
+
+    return Scheme(f"multisine of {driven.name}", (*point, *others, *ends, period, lines), build)
+
+
+def _period(actuator: Actuator, rate: float, longest: float) -> Free | None:
+    """How long a multisine may take; None if its highest line is too fast for the actuator or the record."""
+    apart = max(_SAMPLES / rate, _COMMANDS * max(actuator.min_interval, SHORTEST))
+    shortest = _LINES * apart
+    return _time("period", max(shortest, longest / _COMMANDS), longest) if shortest < longest else None
+
+
+def _command_rate(actuator: Actuator, highest: float) -> float:
+    """Commands per second for a multisine up to a frequency, Hz, in the digits in which it is written."""
+    return float(f"{min(_COMMANDS * highest, 1.0 / max(actuator.min_interval, SHORTEST)):.3g}")
 
 
 def _on_the_way(level: Free, begin: float, to: float, share: float) -> float:

@@ -7,7 +7,6 @@ ramp from the present command, which is checked when it begins, before the first
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Self
@@ -44,10 +43,6 @@ from rigctl.steps.waveform.shapes import Multisine, Ramp, Shape, Sine, Steps, Ta
 from rigctl.steps.waveform.table_file import read_table
 
 _SHAPES = ("ramp", "sine", "multisine", "steps", "table")
-#: most lines of a multisine, and its highest harmonic
-_MOST_LINES, _HIGHEST = 2000, 10_000
-#: rounding of a number of periods
-_ROUNDING = 1e-6
 
 
 class RampFields(ProcedurePart):
@@ -264,7 +259,7 @@ class _Builder:
         )
 
     def _multisine(self, fields: MultisineFields) -> Multisine:
-        from rigctl.frequency.multisine import low_crest_phases  # numpy, which other steps do not need
+        from rigctl.steps.waveform.multisine import multisine  # numpy, which other steps do not need
 
         keys, context = ("waveform", "multisine"), self._context
         unit = self._actuator.display_unit
@@ -276,17 +271,15 @@ class _Builder:
         peak = context.optional_si(fields.amplitude, *keys, "amplitude", unit=unit)
         rms = context.optional_si(fields.rms, *keys, "rms", unit=unit)
         with context.located(*keys):
-            harmonics = _harmonics(low, high, period, None if lines is None else int(lines))
-        phases = low_crest_phases(harmonics, None if seed is None else int(seed))
-        rms = rms if rms is not None else (peak or 0.0) / phases.crest_factor
-        return Multisine(
-            mean,
-            rms * math.sqrt(2.0 / len(harmonics)),
-            tuple(order / period for order in harmonics),
-            phases.values,
-            phases.crest_factor,
-            period,
-        )
+            return multisine(
+                mean,
+                (low, high),
+                period,
+                None if lines is None else int(lines),
+                amplitude=peak,
+                rms=rms,
+                seed=None if seed is None else int(seed),
+            )
 
     def _steps(self, fields: StepsFields) -> Steps:
         keys, context = ("waveform", "steps"), self._context
@@ -319,44 +312,6 @@ class _Builder:
     def _value(self, command: Command, *keys: str | int) -> float:
         with self._context.located("waveform", *keys):
             return read_command(self._context, self._name, self._actuator, command)
-
-
-def _harmonics(low: float, high: float, period: float, lines: int | None) -> list[int]:
-    """Return the multiples of ``1/period`` in a band, all or about `lines` of them in equal ratios.
-
-    Raises
-    ------
-    RigctlError
-        there are none, too many, or fewer than `lines`.
-    """
-    first, last = math.ceil(low * period - _ROUNDING), math.floor(high * period + _ROUNDING)
-    if high < low or first > last:
-        raise RigctlError(
-            "the band of the multisine holds no multiple of 1/period",
-            value=f"{low:g} to {high:g} Hz with a period of {period:g} s",
-            expected="'to' above 'from', and a 'period' of several periods of 'from'",
-        )
-    count = last - first + 1 if lines is None else lines
-    if count > _MOST_LINES or last > _HIGHEST:
-        raise RigctlError(
-            "too many lines between the frequencies of the multisine",
-            value=f"{count} lines, up to {last} periods of the highest in a period",
-            expected=f"at most {_MOST_LINES} lines and {_HIGHEST} periods: fewer 'lines', a shorter 'period'",
-        )
-    if lines is None:
-        return list(range(first, last + 1))
-    if not 1 <= lines <= last - first + 1:
-        raise RigctlError(
-            "the band of the multisine does not hold so many lines",
-            value=str(lines),
-            expected=f"1 to {last - first + 1} with a period of {period:g} s",
-        )
-    ratio = (last / first) ** (1.0 / max(lines - 1, 1))
-    chosen: list[int] = []
-    for index in range(lines):  # the next free one where two would be the same, leaving room for the rest
-        order = max(round(first * ratio**index), chosen[-1] + 1 if chosen else first)
-        chosen.append(min(order, last - (lines - 1 - index)))
-    return chosen
 
 
 @dataclass(frozen=True, slots=True)
