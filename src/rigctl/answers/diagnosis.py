@@ -1,8 +1,8 @@
 """A diagnosis in words: what is missing, how certain that is, and what that rests on.
 
 In: a `Diagnosis`. Out: an `Answer` with the facts a reader needs in order to act, and the evidence with the
-ranking of all effects. The sentence is `rigctl.answers.verdict`'s; here it gets its sizes, doubts and next
-steps.
+ranking of all effects. The sentence is `rigctl.answers.findings.verdict`'s; here it gets its sizes, doubts
+and next steps.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The errors of models in words: the systematic error, its change, and the error on records held out.
 
-In: falls of the systematic error by channel (`rigctl.answers.systematic_error`), fits. Out: clauses, ""
-where there is nothing to say. An error is stated in the unit of its channel only beyond the noise: below it,
-the root mean square is that of the noise.
+In: falls of the systematic error by channel (`rigctl.answers.findings.systematic_error`), fits. Out:
+clauses, "" where there is nothing to say. An error is stated in the unit of its channel only beyond the
+noise: below it, the root mean square is that of the noise.
 """
 
 from __future__ import annotations

@@ -68,6 +68,8 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
     effects: dict[str, Effect] = {}
     chosen = find_family(family) if isinstance(family, str) else family
     name = chosen.name
+    # While a package's effect files are read, they ask for this library in order to check the names they
+    # mention: installed effects are then left out, or reading them would need themselves.
     installed = () if _reading_packages.get() else installed_effects()
     for effect in (*_shipped(), *installed):
         if effect.family == name:
