@@ -1,4 +1,10 @@
-"""Finding runs in the folder that holds them."""
+"""Finding runs in the folder that holds them.
+
+In: an id, the beginning of one, `latest`, or a condition. Out: folders, or one line for each run, from
+``run.json`` alone. Few runs are read one by one; of many the index is asked, which is brought up to date
+first (`rigctl.dataset.index.file`). Runs that are only in storage are listed beside the local ones, which
+take precedence.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""A closed run, opened for reading."""
+"""A closed run, opened for reading.
+
+In: a run's folder, or its copy in storage. Out: its records in SI, its tables as data frames, its events.
+What was stored is not changed; what is not to be believed is left out here: readings outside their
+possible range are no values, records that are damaged or excluded are not usable. Tables are read when
+they are asked for.
+"""
 
 from __future__ import annotations
 

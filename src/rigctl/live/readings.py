@@ -1,4 +1,9 @@
-"""The readings of the channels: value, recent trend, and limits."""
+"""The readings of the channels: value, recent trend, and limits.
+
+In: the newest values of a run or of a bench that is watched. Out: a table for a terminal. Values are
+shown with the digits that their noise or their converter leaves, and trends no larger than a share of the
+range, so that noise does not look like a signal.
+"""
 
 from __future__ import annotations
 

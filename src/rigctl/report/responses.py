@@ -1,4 +1,9 @@
-"""Results over the operating points of a campaign: stroke, and every measure, against what was swept."""
+"""Results over the operating points of a campaign: stroke, and every measure, against what was swept.
+
+In: the records of one or several runs. Out: one plot for each quantity, over the swept temperature or
+else the variable with the most values, with one line for each combination of the others. A sweep of one
+point gives no plot.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A run as the page needs it: every number in its display unit, every record with its rows."""
+"""A run as the page needs it: every number in its display unit, every record with its rows.
+
+In: a `Run`. Out: a `RunData` with all numbers in memory, from which the sections of the page are made;
+none of them opens a file. This is the edge at which SI becomes display units.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Plots of measurements: a record, or a whole run, one panel for each kind of quantity."""
+"""Plots of measurements: a record, or a whole run, one panel for each kind of quantity.
+
+In: a `RunData`. Out: `Plot`s, which know nothing of how they are drawn: interactive in a browser, or as
+files. Signals are thinned to what a screen can show, with their peaks kept.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Resuming an interrupted run: what must not have changed, and what is already done."""
+"""Resuming an interrupted run: what must not have changed, and what is already done.
+
+In: the folder of a run that ended early. Out: a new session in the same folder, which measures the
+records that are missing. All records of a run must come from one procedure, one rig file and one bench,
+so that each of these is compared with what the run began with; only then is anything opened.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""`for`: the same steps at every point of a sweep."""
+"""`for`: the same steps at every point of a sweep.
+
+In: one or several variables with their values. Out: a group with one iteration for each point, expanded
+when the plan is made, so that the preview shows and the checks see every single step. A value that one
+step refuses is reported at the value, not at the step.
+"""
 
 from __future__ import annotations
 

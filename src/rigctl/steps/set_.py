@@ -1,4 +1,9 @@
-"""`set`: command actuators directly."""
+"""`set`: command actuators directly.
+
+In: names and values, and perhaps a time. Out: all of them commanded at once, each acknowledged; with a
+time, all are back at their safe values at the end. What a person turns is asked for, what may not jump is
+brought there slowly.
+"""
 
 from __future__ import annotations
 

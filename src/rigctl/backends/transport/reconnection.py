@@ -1,4 +1,9 @@
-"""Reconnects a lost bench in small steps, without blocking a caller that is waiting for a sample."""
+"""Reconnects a lost bench in small steps, without blocking a caller that is waiting for a sample.
+
+In: what opens the port and what identifies the device. Out: the device, once it has been identified and
+set up, or the end of the attempts: the time is over, or another device answers. The pause between two
+attempts doubles, up to 2 s.
+"""
 
 from __future__ import annotations
 

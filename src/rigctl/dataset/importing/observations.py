@@ -1,4 +1,10 @@
-"""A table without time: each row is an observation at its own condition."""
+"""A table without time: each row is an observation at its own condition.
+
+In: a source without a time column. Out: a run without samples, in which each row is a record.
+Temperatures, pressures and commands are its condition, everything else is what was observed. Such a table
+may also be a log whose time column was not recognised: a quantity in seconds that rises from row to row
+is refused, and the user asked.
+"""
 
 from __future__ import annotations
 

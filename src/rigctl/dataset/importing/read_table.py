@@ -1,4 +1,8 @@
-"""A file as a table of numbers, without a rig."""
+"""A file as a table of numbers, without a rig.
+
+For commands that look at a file before there is a bench: drafts of a family, previews, tables that are
+judged. The same readers and the same rules as for an import, so that what one command understands all do.
+"""
 
 from __future__ import annotations
 

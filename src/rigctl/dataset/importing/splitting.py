@@ -1,4 +1,8 @@
-"""Splits a file into records: at commands, at gaps in time, or by a column."""
+"""Splits a file into records: at commands, at gaps in time, or by a column.
+
+In: the rows of a whole file, or of one of its groups. Out: the same rows with labels; nothing is moved or
+left out. A file that has records already is divided within each of them.
+"""
 
 from __future__ import annotations
 
