@@ -56,10 +56,10 @@ class Reach:
     lines: dict[str, frozenset[int]]
 
     def reaches(self, fault: Fault) -> bool:
-        """Whether it runs the statement; for a constant, whether it runs anything of the file."""
+        """Whether it runs the statement; a constant may be used anywhere, by modules that import it."""
         lines = self.lines.get(fault.file, frozenset())
         first, last = fault.lines
-        return not lines.isdisjoint(range(first, last + 1)) if fault.inside else bool(lines)
+        return not fault.inside or not lines.isdisjoint(range(first, last + 1))
 
 
 class Rounds:
