@@ -129,7 +129,7 @@ def read_number(
         cell = cell.replace(other, "")
     # 2. Thousands with a decimal sign after them: 1.234,5 can mean one thing only.
     grouped = _GROUPED.fullmatch(cell)
-    if grouped and cell.count(decimal) == 1 and cell.rfind(decimal) > cell.rfind(grouped[1]):
+    if grouped and cell.rfind(decimal) > cell.rfind(grouped[1]):
         cell = cell.replace(grouped[1], "")
     # 3. Groups of three with blanks or apostrophes.
     elif _SPACED.fullmatch(cell):
@@ -139,7 +139,7 @@ def read_number(
     # 4. The other decimal sign: refused.
     elif other in cell:
         return None
-    plain = cell.replace(decimal, ".", 1)
+    plain = cell.replace(decimal, ".")
     if not _NUMBER.fullmatch(plain):
         return None
     value = float(plain)

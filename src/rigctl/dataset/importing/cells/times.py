@@ -72,7 +72,8 @@ _EPOCHS: Final[Sequence[tuple[str, int, int, float, float]]] = (
     ("day", 86400 * _SECOND, -25569, 32874.0, 58000.0),  # a spreadsheet's, since 1899-12-30
     ("day", 86400 * _SECOND, -719529, 7.26e5, 7.53e5),  # MATLAB's datenum
 )
-_CLOCK_UNITS: Final = {"mm:ss": "m", "m:s": "m", "min:s": "m", "min:sec": "m"}
+#: of clocks whose ``12:30`` is minutes and seconds
+_CLOCK_UNITS: Final = ("mm:ss", "m:s", "min:s", "min:sec")
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class TimeReader:
     def __init__(self, form: TimeFormat, origin: int | None = None) -> None:
         self.form = form
         self.origin = origin
-        self._latest = -1.0
+        self._latest = 0.0
         self._days = 0.0
         self._local = LocalTime(form.zone)
 
@@ -163,7 +164,7 @@ class TimeReader:
         if not len(known):
             return seconds
         # The last time of the previous part comes first, so that a midnight between two parts is seen.
-        steps = np.diff(known, prepend=self._latest if self._latest >= 0.0 else known[0])
+        steps = np.diff(known, prepend=self._latest)
         days = self._days + np.cumsum(steps < -_MIDNIGHT)
         self._latest, self._days = float(known[-1]), float(days[-1])
         seconds = seconds.copy()
@@ -245,7 +246,7 @@ def find_format(
     """
     present = [cell.strip() for cell in cells if cell.strip()]
     # 1. Most cells are numbers: a few texts among them are faults of their rows, not another format.
-    numbers = [cell for cell in present if _NUMBER.fullmatch(cell.replace(",", ".", 1))]
+    numbers = [cell for cell in present if _NUMBER.fullmatch(cell.replace(",", "."))]
     if not present or 2 * len(numbers) > len(present):
         return _number_format(numbers, unit)
     zone = checked_zone(options.zone)
@@ -253,19 +254,18 @@ def find_format(
     if any(re.match(_CLOCK, cell) for cell in present):
         return _clock_format(present, unit, where)
     # 3. Dates, with separators or without.
-    dated = [cell for cell in present if re.match(_DATE, cell) or re.match(_COMPACT, cell)]
-    if not dated and numbers:
+    dates = [found for cell in present if (found := re.match(_DATE, cell) or re.match(_COMPACT, cell))]
+    if not dates and numbers:
         return _number_format(numbers, unit)
-    if not dated:
+    if not dates:
         raise RigctlError(
             "time: neither numbers nor dates",
             value=present[0],
             expected="seconds, or a date and time such as 2026-03-21 14:05:30",
             where=where,
         )
-    order = _date_order(dated, options.dates, where)
-    zones = [_zone_of(cell) for cell in dated]
-    return TimeFormat("date", order=order, zone=zone, naive=not any(zones))
+    order = _date_order([found.string for found in dates], options.dates, where)
+    return TimeFormat("date", order=order, zone=zone, naive=not any(found["z"] for found in dates))
 
 
 def checked_zone(name: str | None) -> str | None:
@@ -276,8 +276,7 @@ def checked_zone(name: str | None) -> str | None:
     RigctlError
         there is none of that name.
     """
-    if name is not None:
-        zone_info(name)
+    zone_info(name)
     return name
 
 
@@ -313,7 +312,7 @@ def _length_of(unit: str) -> int | None:
 
 def _number_format(cells: Sequence[str], unit: str | None) -> TimeFormat:
     decimal = "," if any("," in cell for cell in cells) else "."
-    epoch = epoch_of([float(cell.replace(",", ".", 1)) for cell in cells], unit)
+    epoch = epoch_of([float(cell.replace(",", ".")) for cell in cells], unit)
     if epoch is None:
         return TimeFormat("number")
     return TimeFormat("epoch", epoch=epoch[1:], decimal=decimal)
@@ -322,9 +321,9 @@ def _number_format(cells: Sequence[str], unit: str | None) -> TimeFormat:
 def _clock_format(cells: Sequence[str], unit: str | None, where: Location) -> TimeFormat:
     # Two colons, or am and pm: hours, minutes, seconds. One colon alone may be h:min or min:s.
     unambiguous = [cell for cell in cells if cell.count(":") >= 2 or "m" in cell.casefold()]
-    minutes = _CLOCK_UNITS.get((unit or "").casefold().replace(" ", "")) is not None
+    minutes = (unit or "").casefold().replace(" ", "") in _CLOCK_UNITS
     fraction = any("." in cell or "," in cell for cell in cells)
-    if not unambiguous and not minutes and not fraction and ":" not in (unit or ""):
+    if not unambiguous and not fraction and ":" not in (unit or ""):
         raise RigctlError(
             "time: hours and minutes, or minutes and seconds?",
             value=cells[0],
@@ -332,11 +331,6 @@ def _clock_format(cells: Sequence[str], unit: str | None, where: Location) -> Ti
             where=where,
         )
     return TimeFormat("clock", minutes=not unambiguous and (minutes or fraction))
-
-
-def _zone_of(cell: str) -> str | None:
-    match = re.match(_DATE, cell) or re.match(_COMPACT, cell)
-    return match["z"] if match else None
 
 
 def _date_order(cells: Sequence[str], wanted: DateOrder | None, where: Location) -> str:
@@ -384,8 +378,6 @@ def _groups(texts: pa.Array, pattern: str, names: str) -> dict[str, Any]:
     import pyarrow.compute as pc
 
     matches = pc.extract_regex(texts, pattern)
-    if isinstance(matches, pa.ChunkedArray):
-        matches = matches.combine_chunks()
     matched = np.asarray(pc.is_valid(matches).to_numpy(zero_copy_only=False), dtype=bool)
     # flattened, so that the groups of texts that did not match are null too
     parts = dict(zip([item.name for item in matches.type], matches.flatten(), strict=True))
@@ -401,14 +393,14 @@ def _whole(texts: pa.Array) -> NDArray[np.int64]:
     import pyarrow.compute as pc
 
     numbers = pc.if_else(pc.equal(texts, ""), "0", texts).cast(pa.int64())
-    return np.asarray(numbers.to_numpy(zero_copy_only=False), dtype=np.int64)
+    return np.asarray(numbers.to_numpy(), dtype=np.int64)
 
 
 def _fraction(texts: pa.Array) -> NDArray[np.int64]:
-    """Return the nanoseconds of the digits after a decimal point."""
+    """Return the nanoseconds of up to nine digits after a decimal point."""
     import pyarrow.compute as pc
 
-    return _whole(pc.utf8_rpad(pc.utf8_slice_codeunits(texts, 0, 9), 9, padding="0"))
+    return _whole(pc.utf8_rpad(texts, 9, padding="0"))
 
 
 def _half_day(hours: NDArray[np.int64], marks: pa.Array) -> NDArray[np.int64]:
@@ -446,14 +438,12 @@ def _epoch(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArra
     scale, offset = form.epoch
     with np.errstate(over="ignore"):
         nanoseconds = (_whole(_short(part["w"])) + offset) * scale
-    behind = np.array([float(f"0.{text}") if text else 0.0 for text in _sparse(part["d"])])
+    behind = np.array([float(f"0.{text}") for text in part["d"].to_pylist()])
     exponents = np.asarray(part["e"].to_numpy(zero_copy_only=False), dtype=object) != ""
-    if exponents.any():
-        written = texts.to_pylist()
-        for index in np.flatnonzero(exponents).tolist():
-            count = float(str(written[index]).replace(form.decimal, ".")) + offset
-            nanoseconds[index] = round(count * scale)
-            behind[index] = 0.0
+    for index in np.flatnonzero(exponents).tolist():
+        count = float(texts[index].as_py().replace(form.decimal, ".")) + offset
+        nanoseconds[index] = round(count * scale)
+        behind[index] = 0.0
     return nanoseconds + np.round(behind * scale).astype(np.int64), good
 
 
@@ -463,10 +453,6 @@ def _short(texts: pa.Array) -> pa.Array:
 
     large = pc.and_(pc.equal(pc.utf8_length(texts), 19), pc.greater(texts, "9223372036854775807"))
     return pc.if_else(large, "9223372036854775807", texts)
-
-
-def _sparse(texts: pa.Array) -> list[str]:
-    return [str(text) for text in texts.to_pylist()]
 
 
 def _dates(
@@ -522,7 +508,7 @@ def _months(texts: pa.Array) -> NDArray[np.int64]:
     short = pc.utf8_slice_codeunits(pc.utf8_lower(texts), 0, 3)
     indices = pc.fill_null(pc.index_in(short, value_set=pa.array(_MONTHS)), -1)
     digits = pc.if_else(named, "0", texts)
-    numbers = np.asarray(indices.to_numpy(zero_copy_only=False), dtype=np.int64) + 1
+    numbers = np.asarray(indices.to_numpy(), dtype=np.int64) + 1
     return np.where(np.asarray(named.to_numpy(zero_copy_only=False), dtype=bool), numbers, _whole(digits))
 
 
@@ -546,7 +532,7 @@ def _offsets(texts: pa.Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
     shifts, named = np.zeros(len(texts), dtype=np.int64), np.zeros(len(texts), dtype=bool)
     encoded = texts.dictionary_encode()
-    codes = np.asarray(encoded.indices.to_numpy(zero_copy_only=False))
+    codes = encoded.indices.to_numpy()
     for code, text in enumerate(encoded.dictionary.to_pylist()):
         if text:
             rows = codes == code
@@ -556,7 +542,7 @@ def _offsets(texts: pa.Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
 
 def _offset(text: str) -> int:
-    if text[0] not in "+-":
+    if text[0].isalpha():
         return 0
     digits = text[1:].replace(":", "").ljust(4, "0")
     seconds = int(digits[:2]) * 3600 + int(digits[2:]) * 60
