@@ -97,19 +97,22 @@ def test_a_cell_is_a_moment_or_is_refused(cell: str, order: str, when: str | Non
         (("12/13/2026",), "mdy"),
         (("01/02/2026", "13/02/2026"), "dmy"),
         (("01/02/2026", "01/13/2026"), "mdy"),
-        (("12/12/2026",), None),
+        (("12/11/2026",), None),
         (("13/13/2026",), None),
         (("12.12.2026",), "dmy"),
         (("2026/13/12",), "ymd"),
         (("12/Mar/2026", "13/Apr/2026"), "dmy"),
+        (("12/Mar/2026", "13/04/2026"), "dmy"),
     ],
 )
 def test_the_order_of_a_date_is_decided_by_a_number_above_twelve(
     cells: tuple[str, ...], order: str | None
 ) -> None:
     if order is None:
-        with pytest.raises(RigctlError, match="day and month cannot be told apart"):
+        with pytest.raises(RigctlError, match="day and month cannot be told apart") as caught:
             found(*cells)
+        day, month, _ = cells[0].split("/")
+        assert f"day-first (day {day}, month {month})" in str(caught.value)
     else:
         assert found(*cells).order == order
 
@@ -117,6 +120,7 @@ def test_the_order_of_a_date_is_decided_by_a_number_above_twelve(
 def test_an_order_that_the_dates_contradict_is_refused() -> None:
     assert found("12/12/2026", dates="day-first").order == "dmy"
     assert found("12/12/2026", dates="month-first").order == "mdy"
+    assert found("13/12/2026", dates="day-first").order == "dmy"
     for cell, dates in (("13/12/2026", "month-first"), ("12/13/2026", "day-first"), ("13/12/2026", "iso")):
         with pytest.raises(RigctlError):
             found(cell, dates=dates)
@@ -162,12 +166,18 @@ def test_a_cell_that_is_no_time_of_day_is_refused_and_an_empty_one_is_missing() 
         (("1:02 pm",), None, "clock", False),
         (("1:02.5",), None, "clock", True),
         (("1:02,5",), None, "clock", True),
+        (("1:02.5", "1:03"), None, "clock", True),
+        (("1:02:03", "later"), None, "clock", False),
         (("1:02",), "min:s", "clock", True),
         (("1:02",), "h:min", "clock", False),
         (("1:02:03",), "min:s", "clock", False),
         (("0", "0.5"), None, "number", False),
         (("0,5", "1,5"), None, "number", False),
         (("1", "2", "late"), None, "number", False),
+        (("1", "late", "later"), None, "number", False),
+        (("1", "2", "2026-01-01"), None, "number", False),
+        (("1", "2026-01-01"), None, "date", False),
+        (("1", "2026-01-01", "2026-01-02"), None, "date", False),
         (("45000", "45001"), None, "number", False),  # s of a long test, and no days
         (("45000", "45001"), "s", "number", False),
         (("45000", "45001"), "day", "epoch", False),
@@ -200,6 +210,47 @@ def test_only_dates_without_a_zone_are_naive() -> None:
     assert not found("20260101T120000Z").naive
 
 
+@pytest.mark.parametrize(
+    ("cells", "epoch", "decimal"),
+    [
+        (("1775217600", "1775217601"), (10**9, 0), "."),
+        (("1775217600", "1775217600.5"), (10**9, 0), "."),
+        (("1775217600", "1775217600,5"), (10**9, 0), ","),
+        (("3858062400",), (10**9, -2_082_844_800), "."),
+        (("1775217600000",), (10**6, 0), "."),
+    ],
+)
+def test_counts_since_an_epoch_have_its_scale_and_their_decimal_sign(
+    cells: tuple[str, ...], epoch: tuple[int, int], decimal: str
+) -> None:
+    form = found(*cells)
+    assert (form.kind, form.epoch, form.decimal) == ("epoch", epoch, decimal)
+    reader = TimeReader(form)
+    reader.read(pa.array(cells))
+    assert reader.origin == 1775217600 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("form", "absolute", "example"),
+    [
+        (TimeFormat("epoch"), True, "a count since an epoch"),
+        (TimeFormat("clock"), False, "a time such as 14:05:30"),
+        (TimeFormat("clock", minutes=True), False, "a time such as 01:30.5"),
+        (TimeFormat("date"), True, "a date and time such as 2026-03-21 14:05:30"),
+        (TimeFormat("date", order="dmy"), True, "a date and time such as 21.03.2026 14:05:30"),
+        (TimeFormat("date", order="mdy"), True, "a date and time such as 03/21/2026 14:05:30"),
+    ],
+)
+def test_the_example_in_a_message_is_of_the_form_itself(
+    form: TimeFormat, absolute: bool, example: str
+) -> None:
+    assert (form.absolute, form.expected) == (absolute, example)
+    assert not TimeFormat("number").absolute
+    if form.kind != "epoch":
+        again = found(example.removeprefix("a date and time such as ").removeprefix("a time such as "))
+        assert (again.kind, again.order, again.minutes) == (form.kind, form.order, form.minutes)
+
+
 DAY = 86400 * 10**9
 
 
@@ -211,6 +262,9 @@ DAY = 86400 * 10**9
         ((2.91e9,), None, None),
         ((3.0e9, 4.5e9), None, ("s", 10**9, -2_082_844_800)),
         ((2.9e9, 3.0e9), None, None),  # no single epoch fits both
+        ((4.51e9,), None, None),
+        ((7.531e5,), "day", None),
+        ((1.7e9,), "K", None),
         ((6.3e11, 2.9e12), "ms", ("ms", 10**6, 0)),
         *(((value,), None, None) for value in (6.29e11, 2.91e12, 6.29e14, 2.91e15, 6.29e17, 2.91e18)),
         ((6.3e14, 2.9e15), None, ("us", 10**3, 0)),
@@ -268,6 +322,8 @@ def test_time_stamps_and_counts_in_arrays_start_at_their_earliest() -> None:
         assert array_clock([values], None) is None
     assert array_clock([], None) is None
     assert array_clock([stamps, counts], None) is None
+    assert array_clock([counts, np.array(["a"])], "day") is None
+    assert array_clock([stamps[:0], counts], "day") == clock
 
 
 def test_an_instant_is_shown_in_its_zone() -> None:
@@ -278,3 +334,38 @@ def test_an_instant_is_shown_in_its_zone() -> None:
 
 def test_dates_with_and_without_separators_may_stand_in_one_file() -> None:
     assert read(TimeFormat("date"), "2026/03/04", "20260305", "4 March") == [0.0, 86400.0, None]
+    mixed = ("1-Jan-2026", "2-2-2026", "3-March-2026")
+    assert read(TimeFormat("date", order="dmy"), *mixed) == [0.0, 32 * 86400.0, 61 * 86400.0]
+    assert read(TimeFormat("date"), "2026/03/04 1:00 pm", "2026/03/04 14:00") == [0.0, 3600.0]
+
+
+def test_seconds_count_from_the_first_time_of_all_parts_even_where_that_is_the_epoch() -> None:
+    for form, cells in (
+        (TimeFormat("date", naive=True), ["1970-01-01", None, "1970-01-01 00:00:01"]),
+        (TimeFormat("date"), ["1970/01/01", "no", "1970/01/01 00:00:01"]),
+        (TimeFormat("epoch"), ["0", "", "1"]),
+        (TimeFormat("date", naive=True), ["2026-01-01", "2026-01-01 00:00:00.5", "2026-01-01 00:00:01"]),
+    ):
+        assert read(form, *cells)[::2] == [0.0, 1.0]
+        reader = TimeReader(form)
+        parts = [reader.read(pa.array([cell], pa.string()))[0][0] for cell in cells]
+        assert parts[::2] == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("naive", [True, False])
+def test_times_without_a_zone_are_local_and_those_with_one_are_not(naive: bool) -> None:
+    form = TimeFormat("date", zone="Europe/Berlin", naive=naive)
+    reader = TimeReader(form)
+    seconds, _ = reader.read(pa.array(["2026-07-01 12:00", "2026-12-01 12:00"]))
+    assert reader.origin == int(datetime(2026, 7, 1, 10, tzinfo=UTC).timestamp()) * 10**9
+    assert seconds[1] == (153 * 24 + 1) * 3600.0
+    mixed = read(form, "2026-07-01 12:00", "2026-07-01 12:00Z", "2026-07-01 12:00-01:00", "2026-07-01 13:00")
+    assert mixed == [0.0, 7200.0, 10800.0, 3600.0]
+
+
+def test_a_time_with_a_zone_between_local_ones_does_not_break_their_order() -> None:
+    """The hour after the end of summer time is there twice; a step back by 45 minutes begins it again."""
+    form = TimeFormat("date", zone="Europe/Berlin")
+    cells = [f"2026-10-25 {clock}" for clock in ("02:50", "00:55Z", "02:05")]
+    assert read(form, *cells) == [0.0, 300.0, 900.0]
+    assert read(form, cells[0], "soon", cells[2]) == [0.0, None, 900.0]
