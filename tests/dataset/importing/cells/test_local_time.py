@@ -64,7 +64,7 @@ def test_regular_rows_are_the_moments_at_which_they_were_written(
     assert read(local, zone, ends) == [seconds(one) for one in moments]
 
 
-@pytest.mark.parametrize("zone", ["UTC", "Asia/Kathmandu", "America/New_York"])
+@pytest.mark.parametrize("zone", ["UTC", "Asia/Kathmandu", "America/New_York", "Europe/London"])
 def test_times_without_a_repeated_hour_have_the_zones_offset(zone: str) -> None:
     moments = [datetime(2026, month, 15, 12, 34, 56, tzinfo=UTC) for month in range(1, 13)]
     local = [clock(one, zone) for one in moments]
@@ -88,6 +88,9 @@ def test_a_row_out_of_order_does_not_begin_the_second_hour_and_a_long_step_back_
         "00:50:00",
         "01:40:00",
     ]
+    assert berlin("02:00:00", "02:50:00", "02:40:00", ends=(2,))[-1] == "01:40:00"
+    assert berlin("02:00:00", "02:40:00", "02:20:00")[-1] == "01:20:00"
+    assert berlin("02:10:00", "02:30:00", "02:10:00")[-1] == "00:10:00"  # of 20 minutes it would have one more
     assert berlin("02:00:00", "02:00:00") == ["00:00:00", "00:00:00"]  # a time twice is no step back
     assert berlin("01:00:00", "02:00:00", "02:00:00") == ["23:00:00", "00:00:00", "01:00:00"]
 
@@ -128,6 +131,9 @@ def test_time_stamps_become_utc_to_the_nanosecond() -> None:
     np.testing.assert_array_equal(found, expected)
     for zone in (None, "utc", "Z", "UTC"):
         assert LocalTime(zone).to_utc(stamps) is stamps
+    after = np.array(["2026-10-25T03:00:00", "2026-03-29T03:00:00"], "datetime64[ns]")
+    found = LocalTime(BERLIN).to_utc(after)
+    np.testing.assert_array_equal(found, after - np.array([1, 2], "timedelta64[h]"))
     old = np.array(["1969-12-31T23:00:00.5"], "datetime64[ms]")
     np.testing.assert_array_equal(LocalTime("Asia/Tokyo").to_utc(old), old - np.timedelta64(9, "h"))
 
