@@ -23,6 +23,10 @@ from rigctl.units import (
     convert,
     describe,
     describe_dimension,
+    find_unit,
+    interval_unit,
+    is_angle,
+    is_speed_of_rotation,
     known_digits,
     onto_bound,
     parse_quantity,
@@ -72,6 +76,11 @@ from rigctl.units import (
         ("2 Ah", "C", 7200.0),
         ("9 s⁻¹", "Hz", 9.0),
         ("25 Celsius", "K", 298.15),
+        ("3 count", "1", 3.0),
+        ("4 (N*m)/(rad*s)", "W", 4.0),
+        ("2 (m/s)^2", "J/kg", 2.0),
+        ("6 m**2/s**2", "J/kg", 6.0),
+        ("8 1/(1/s)", "s", 8.0),
     ],
 )
 def test_quantities_are_read_into_si(text: str, unit: str, si: float) -> None:
@@ -139,8 +148,50 @@ def test_an_invalid_or_wrong_quantity_is_refused_with_its_message(text: str, uni
     ],
 )
 def test_an_unknown_or_malformed_unit_is_refused(text: str) -> None:
-    with pytest.raises(RigctlError, match="unknown unit"):
+    with pytest.raises(RigctlError, match="unknown unit") as caught:
         parse_unit(text)
+    if len(text) < 20:
+        assert str(caught.value).startswith(f"unknown unit, got {text!r}; expected a unit such as bar")
+
+
+def test_a_unit_has_at_most_eighty_characters() -> None:
+    assert parse_unit("1*" * 39 + "mm").factor == 1e-3
+    with pytest.raises(RigctlError, match="unknown unit"):
+        parse_unit("1*" * 39 + "(m)")
+
+
+def test_a_text_is_a_unit_or_none() -> None:
+    found = find_unit("bar")
+    assert found is not None and found.factor == 1e5
+    assert find_unit("bra") is None
+    assert (parse_unit("").text, parse_unit("").dimension) == ("", DIMENSIONLESS)
+    assert parse_unit("count").dimension == DIMENSIONLESS
+
+
+def test_a_difference_on_a_scale_is_in_kelvin() -> None:
+    assert [interval_unit(unit) for unit in ("degC", "degF", "K", "bar")] == ["K", "K", "K", "bar"]
+    assert describe("K") == describe_dimension(parse_unit("K").dimension) == "a temperature, e.g. '40 degC'"
+    assert describe("degC", difference=True) == "a temperature difference, e.g. '0.5 K'"
+    assert describe("bar", difference=True) == "a pressure, e.g. '30 bar'"
+    with pytest.raises(RigctlError, match=r"expected a temperature difference, e\.g\. '0\.5 K'"):
+        read_si("3 bar", "degC", difference=True)
+    with pytest.raises(RigctlError, match=r"expected a temperature, e\.g\. '40 degC'"):
+        read_si("3 bar", "degC")
+
+
+def test_angles_and_speeds_of_rotation_are_told_from_plain_numbers_and_rates() -> None:
+    units = ("rad", "deg", "°", "mrad", "rad/s", "rpm", "deg/s", "U/min", "1/s", "Hz", "1", "%", "m", "rad*m")
+    assert [unit for unit in units if is_angle(unit)] == ["rad", "deg", "°", "mrad"]
+    assert [unit for unit in units if is_speed_of_rotation(unit)] == ["rad/s", "rpm", "deg/s", "U/min"]
+
+
+def test_a_quantity_is_shown_as_written_and_read_again() -> None:
+    pressure = parse_quantity("30.0 bar")
+    assert (str(pressure), pressure.si, read_si(pressure, "Pa")) == ("30 bar", 3e6, 3e6)
+    assert str(parse_quantity(5)) == "5"
+    assert parse_quantity("40 degC").si == pytest.approx(313.15)
+    assert show(123456.0, "bar") == "1.235 bar"
+    assert show(1.23456, "1") == significant(1.23456) == "1.235"
 
 
 @pytest.mark.parametrize("name", [name for name in (*_COMMON, *_ELECTRICAL) if name])
@@ -274,6 +325,10 @@ def test_an_unknown_unit_is_reported_with_the_nearest_unit(written: str, nearest
         (0.0, 0.021, "mm", "0.000 ± 0.021 mm"),
         (-3.2e7, 2.0e5, "Pa", "(-3.200 ± 0.020)e+07 Pa"),
         (1e-7, 2e-3, "1", "0.0000 ± 0.0020"),
+        (3.2e6, 2.0e5, "Pa", "(3.20 ± 0.20)e+06 Pa"),
+        (3.2e5, 2.0e4, "Pa", "320000 ± 20000 Pa"),
+        (0.0012296, 3e-5, "1", "0.001230 ± 0.000030"),
+        (math.inf, 1.0, "1", "inf"),
         (4.05, math.nan, "mm^2", "4.05 mm^2"),
         (4.05123, 0.0, "1", "4.051"),
     ],

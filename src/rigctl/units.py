@@ -204,7 +204,7 @@ def registry() -> pint.UnitRegistry[Any]:
     """pint's registry of units, created at the first use."""
     import pint
 
-    units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    units: pint.UnitRegistry[Any] = pint.UnitRegistry()
     units.define("cSt = 1e-6 m^2/s = centistokes")
     units.define("count = 1")
     return units
@@ -293,16 +293,11 @@ def _on_scale(token: str) -> bool:
 
 def _plain_spelling(text: str) -> str:
     """The unit as spelt in the grammar: ``N·m²`` is ``N*m^2``, ``Nm`` is ``N*m``, ``U/min`` is ``rpm``."""
-    if text.isascii() and text in _COMMON:
+    if text in _COMMON:
         return text
     text = _WHOLE.get(text.strip(), text)
     text = _RAISED.sub(lambda match: "^" + match.group().translate(_LOWERED), text.translate(_SIGNS))
-    parts = _WORD.split(text)
-    if not any(part in SPELLINGS for part in parts):
-        return text
-    whole = [SPELLINGS.get(part, part) for part in parts]
-    # alone, parentheses would only be in the way
-    return whole[1].strip("()") if len(whole) == 3 and not (whole[0] or whole[2]) else "".join(whole)
+    return "".join(SPELLINGS.get(part, part) for part in _WORD.split(text))
 
 
 def _read_product(tokens: list[str], text: str) -> tuple[float, Dimension, list[str]]:
