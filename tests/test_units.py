@@ -81,6 +81,8 @@ from rigctl.units import (
         ("2 (m/s)^2", "J/kg", 2.0),
         ("6 m**2/s**2", "J/kg", 6.0),
         ("8 1/(1/s)", "s", 8.0),
+        ("5 J/degC", "J/K", 5.0),
+        ("7 W/(m^2*°C)", "kg/s^3/K", 7.0),
     ],
 )
 def test_quantities_are_read_into_si(text: str, unit: str, si: float) -> None:
@@ -129,6 +131,8 @@ def test_an_invalid_or_wrong_quantity_is_refused_with_its_message(text: str, uni
         "bar)",
         "bar//s",
         "*bar",
+        "*bar)",
+        "s bar)",
         "bar/",
         "bar s",
         "2",
@@ -225,6 +229,7 @@ def test_dimensions_multiply_and_print_as_units() -> None:
     assert str(pressure) == "m^-1 kg s^-2"
     assert str(pressure * length**2) == "m kg s^-2"
     assert (length / length).dimensionless
+    assert not length.dimensionless
     assert str(DIMENSIONLESS) == "1"
     assert str(length**0.5) == "m^1/2"
     assert describe_dimension(pressure * length**2) == "a force, e.g. '100 N'"

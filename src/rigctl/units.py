@@ -263,9 +263,11 @@ def parse_unit(text: str) -> Unit:
     RigctlError
         the text is not a unit; the nearest one is named.
     """
-    spelt = _plain_spelling(text) if len(text) <= _LONGEST else text
+    if len(text) > _LONGEST:
+        raise _unknown_unit(text)
+    spelt = _plain_spelling(text)
     tokens = _TOKEN.findall(spelt)
-    if len(text) > _LONGEST or "".join(tokens) != "".join(spelt.split()):
+    if "".join(tokens) != "".join(spelt.split()):
         raise _unknown_unit(text)
     if not tokens:
         return replace(_name_to_unit("1"), text="")

@@ -90,7 +90,9 @@ def test_a_row_out_of_order_does_not_begin_the_second_hour_and_a_long_step_back_
     ]
     assert berlin("02:00:00", "02:50:00", "02:40:00", ends=(2,))[-1] == "01:40:00"
     assert berlin("02:00:00", "02:40:00", "02:20:00")[-1] == "01:20:00"
-    assert berlin("02:10:00", "02:30:00", "02:10:00")[-1] == "00:10:00"  # of 20 minutes it would have one more
+    assert (
+        berlin("02:10:00", "02:30:00", "02:10:00")[-1] == "00:10:00"
+    )  # of 20 minutes it would have one more
     assert berlin("02:00:00", "02:00:00") == ["00:00:00", "00:00:00"]  # a time twice is no step back
     assert berlin("01:00:00", "02:00:00", "02:00:00") == ["23:00:00", "00:00:00", "01:00:00"]
 

@@ -299,6 +299,9 @@ def test_counts_keep_every_digit_and_may_have_a_sign_or_a_power_of_ten() -> None
         0.5,
         None,
     ]
+    reader = TimeReader(seconds)
+    reader.read(pa.array(["1775217600.25"]))
+    assert reader.origin == 1775217600_250_000_000
     days = TimeFormat("epoch", epoch=(DAY, -25569))
     assert read(days, "46115.5", "46115.75", "4.61165e4") == [0.0, 21600.0, 86400.0]
     assert read(TimeFormat("epoch", epoch=(1, 0)), "9223372036854775806", "9999999999999999999") == [
