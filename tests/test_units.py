@@ -311,7 +311,8 @@ def test_alternative_spellings_are_read_as_the_unit_they_stand_for(written: str,
 
 
 @pytest.mark.parametrize(
-    ("written", "nearest"), [("BAR", "bar"), ("rmp", "rpm"), ("ohmm", "ohm"), ("kpa", "kPa")]
+    ("written", "nearest"),
+    [("BAR", "bar"), ("rmp", "rpm"), ("ohmm", "ohm"), ("kpa", "kPa"), ("percnet", "percent")],
 )
 def test_an_unknown_unit_is_reported_with_the_nearest_unit(written: str, nearest: str) -> None:
     with pytest.raises(RigctlError, match=f"did you mean '{nearest}'"):

@@ -295,8 +295,6 @@ def _on_scale(token: str) -> bool:
 
 def _plain_spelling(text: str) -> str:
     """The unit as spelt in the grammar: ``N·m²`` is ``N*m^2``, ``Nm`` is ``N*m``, ``U/min`` is ``rpm``."""
-    if text in _COMMON:
-        return text
     text = _WHOLE.get(text.strip(), text)
     text = _RAISED.sub(lambda match: "^" + match.group().translate(_LOWERED), text.translate(_SIGNS))
     return "".join(SPELLINGS.get(part, part) for part in _WORD.split(text))

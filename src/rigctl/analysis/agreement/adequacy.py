@@ -219,7 +219,7 @@ def beyond_statement(fit: FitResult, channel: ChannelNoise) -> Literal["", "unex
     if not _no_larger(fit, channel, channel.allowed):
         return "larger"
     slow = channel.together * fit.problem.noise.spacing
-    return "faster" if channel.over and slow < _FAST * channel.over else ""
+    return "faster" if slow < _FAST * channel.over else ""
 
 
 def _no_larger(fit: FitResult, channel: ChannelNoise, level: float) -> bool:

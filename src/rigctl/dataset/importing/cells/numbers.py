@@ -148,4 +148,4 @@ def read_number(
 
 def looks_numeric(cell: str) -> bool:
     """Return whether a cell has a number, with any decimal sign, or marks a missing value."""
-    return cell in NO_VALUE or any(read_number(cell, decimal) is not None for decimal in ".,")
+    return any(read_number(cell, decimal) is not None for decimal in ".,")
