@@ -127,3 +127,45 @@ def test_a_complete_pair_is_judged_as_a_pair(pair: Callable[..., FoundSet]) -> N
     answer = pair({"alpha": 0.5, "beta": 0.9}, remaining=None)
     assert all(one.place_sure for one in certain_levels(answer, (), ()))
     assert answer.left_alone(certain_levels(answer, (), ())) == {}
+
+
+def test_a_wrong_prediction_is_refitted_with_and_without_the_member(
+    pair: Callable[..., FoundSet], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside the others as they were fitted without it; a refit that fails says nothing."""
+    answer = pair(LEFT)
+    search, best = answer.search, answer.best
+    alpha, beta = best.candidates
+    alone = search.known([alpha])
+    assert alone is not None
+    left = {id(search.null.fit): 90.0, id(alone.fit): 50.0, id(best.fit): 20.0}
+    asked: list[list[int]] = []
+
+    def left_by_refit(fit: Any, outside: list[int]) -> float | None:
+        asked.append(outside)
+        return left.get(id(fit))
+
+    monkeypatch.setattr(certainty, "left_by_refit", left_by_refit)
+    monkeypatch.setattr(certainty, "held_out_gain", lambda *given: given[-1] and given[-1]((1, 3)))
+    sure = {"sure": True}
+    monkeypatch.setattr(Search, "sure", lambda *_: sure["sure"])
+
+    def squares(of: Any, member: Any) -> Any:
+        return certainty._cross_validation(search, of, member)
+
+    assert squares(best, beta) == (50.0, 20.0)
+    assert asked == [[best.fit.fitted[1], best.fit.fitted[3]]] * 2
+    assert squares(alone, alpha) == (90.0, 50.0)
+    for lost in (alone, best):
+        kept = left.pop(id(lost.fit))
+        assert squares(best, beta) is None
+        left[id(lost.fit)] = kept
+    sure["sure"] = False  # it leaves too much for its refits to be the right ones
+    assert squares(best, beta) is None
+    sure["sure"] = True
+    search.trials.clear()
+    assert squares(best, beta) is None
+    one = SimpleNamespace(linearisation=SimpleNamespace(records=(None,)))
+    monkeypatch.setattr(Search, "at", lambda *_: one)
+    monkeypatch.setattr(certainty, "held_out_gain", lambda *_: pytest.fail("one record has no other"))
+    assert squares(best, beta) is None
