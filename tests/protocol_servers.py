@@ -71,6 +71,8 @@ class Server(ABC):
     refusing: it answers every reading with an exception; may be set at any time.
     broken: values are NaN, or what the device has for that; may be set at any time.
     delay: s that it lets each answer wait; may be set at any time.
+    exchanged: another device of its kind answers in its place; may be set while it is unplugged.
+    to_stranger: the outputs that were commanded of that one.
     """
 
     switch, level = "heater", "relief_valve"  # what its switched and its continuous output are
@@ -79,7 +81,8 @@ class Server(ABC):
     def __init__(self, rig: Rig, circuit: Circuit | None = None) -> None:
         self.circuit = circuit or Circuit(rig)
         self.asked = 0
-        self.mute = self.refusing = self.broken = False
+        self.mute = self.refusing = self.broken = self.exchanged = False
+        self.to_stranger: list[tuple[str, float]] = []
         self.delay = 0.0
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.number = int(free.getsockname()[1])
@@ -117,6 +120,17 @@ class Server(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def output(self, name: str) -> float:
+        """An output's value, SI, as the device that answers has it."""
+        return 1.0 if self.exchanged else self.circuit.outputs[name]
+
+    def set(self, name: str, value: float) -> None:
+        """Set an output of the device that answers, SI."""
+        if self.exchanged:
+            self.to_stranger.append((name, value))
+        else:
+            self.circuit.set(name, value)
 
     async def _late(self) -> None:
         """Let an answer wait; a delay that is taken back ends that."""
@@ -187,17 +201,17 @@ class ModbusServer(Server):
         if function == 4:
             registers[: len(self._inputs())] = self._inputs()
         elif function == 3:
-            registers[99 - start] = 4711
-            registers[0] = round(self.circuit.outputs[self.level] / 1e3)
+            registers[99 - start] = 9999 if self.exchanged else 4711
+            registers[0] = round(self.output(self.level) / 1e3)
         elif function == 1:
-            registers[0] = int(self.circuit.outputs[self.switch])
+            registers[0] = int(self.output(self.switch))
         return None
 
     def _written(self, function: int, address: int, values: list[Any]) -> None:
         if function == 5:
-            self.circuit.set(self.switch, float(values[0]))
+            self.set(self.switch, float(values[0]))
         elif address == 0:
-            self.circuit.set(self.level, values[0] * 1e3)
+            self.set(self.level, values[0] * 1e3)
         else:
             self.beats += 1
 
@@ -309,19 +323,19 @@ class ScpiServer(Server):
                 return "OVLD"
             return ",".join("+9.91000000E+37" if self.broken else f"{volt:+.8E}" for volt in volts)
         fixed = {
-            "*IDN?": "ACME,34980,MY44001234,2.1",
+            "*IDN?": f"ACME,34980,{'OTHER' if self.exchanged else 'MY44001234'},2.1",
             "*OPC?": "1",
-            "ROUT:CLOS?": f"{self.circuit.outputs[self.switch]:.0f}",
-            "SOUR:VOLT?": f"{self.circuit.outputs[self.level] / 6e5:+.6E}",
+            "ROUT:CLOS?": f"{self.output(self.switch):.0f}",
+            "SOUR:VOLT?": f"{self.output(self.level) / 6e5:+.6E}",
         }
         if command == "SYST:ERR?":
             return self.errors.pop(0) if self.errors else '+0,"No error"'
         if command in fixed:
             return fixed[command]
         if command in ("ROUT:CLOS", "ROUT:OPEN"):
-            self.circuit.set(self.switch, float(command == "ROUT:CLOS"))
+            self.set(self.switch, float(command == "ROUT:CLOS"))
         elif command == "SOUR:VOLT":
-            self.circuit.set(self.level, 6e5 * float(arguments.partition(",")[0]))
+            self.set(self.level, 6e5 * float(arguments.partition(",")[0]))
         elif command and command != "*CLS":
             self.errors.append('-113,"Undefined header"')
         return None
@@ -430,21 +444,21 @@ class OpcUaServer(Server):
         return f"opc.tcp://127.0.0.1:{self.number}"
 
     def values(self) -> dict[str, Any]:
-        now, outputs = self.circuit.read(), self.circuit.outputs
+        now = self.circuit.read()
         return {
-            "Plant": "oil circuit 4711",
+            "Plant": "another plant" if self.exchanged else "oil circuit 4711",
             "SupplyPressure": float("nan") if self.broken else now["supply_pressure"] / 1e5,
             "OilTemperature": round(100.0 * (now[self.temperature] - 273.15)),
-            "Heater": bool(outputs[self.switch]),
-            "ReliefValve": outputs[self.level] / 1e5,
+            "Heater": bool(self.output(self.switch)),
+            "ReliefValve": self.output(self.level) / 1e5,
             "HostAlive": self.beats % 128,
         }
 
     def written(self, name: str, number: float) -> None:
         if name == "Heater":
-            self.circuit.set(self.switch, number)
+            self.set(self.switch, number)
         elif name == "ReliefValve":
-            self.circuit.set(self.level, number * 1e5)
+            self.set(self.level, number * 1e5)
         else:
             self.beats += 1
 

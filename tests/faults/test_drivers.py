@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -15,37 +16,14 @@ from pathlib import Path
 import pytest
 
 from commands import call, refusal
+from foreign_driver import DRIVERS, rig_with_driver
 from patience import unhurried
 from protocol_servers import ScpiServer
-from rigctl.backends.python.permission import allowed
+from rigctl.backends.python.permission import allowed, allowing, require_allowed
 from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
+from rigctl.project import Project, find_project
 from rigctl.rig import load_rig
-
-DRIVERS = Path(__file__).parent / "drivers"
-
-#: the measurement unit of the shipped rig, by its foreign driver instead of its lines
-BACKEND = """\
-backend:
-  kind: python
-  python:
-    driver: bench_driver:Unit
-    arguments: {address: "{port}", faults: FAULTS, process: PROCESS}
-    timeout: 4 s
-    wake: 60 s
-    tries: 1
-    watchdog: 30 s
-    identify: {get: idn}
-    channels:
-      supply_pressure: {get: pressure}
-      oil_temperature: {get: measure, item: temperature, unit: mV}
-    actuators:
-      heater: {set: relay, confirm: relay}
-      relief_valve: {set: set_output, confirm: output, scale: [0, 10], within: 1e-5}
-    safe:
-      - {call: shutdown}
-
-"""
 
 ALLOWED = ("--allow-driver", "bench_driver")
 
@@ -82,10 +60,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def write_rig(folder: Path, *changes: tuple[str, str]) -> None:
-    text = shipped("rigs", "oil-circuit-visa.yaml").read_text(encoding="utf-8")
-    begin, end = text.index("backend:"), text.index("# What is read are volts")
-    backend = BACKEND.replace("FAULTS", str(folder / "faults")).replace("PROCESS", str(folder / "process"))
-    text = text[:begin] + backend + text[end:]
+    text = rig_with_driver(folder)
     for before, after in changes:
         assert before in text
         text = text.replace(before, after)
@@ -195,6 +170,50 @@ def test_outputs_are_off_after_a_kill(killed: str, server: ScpiServer, project: 
     assert running.returncode != 0
 
 
+def hang(project: Path, how: str) -> int:
+    """Let the driver hang; return the process of its guard."""
+    guard = int((project / "guard").read_text(encoding="utf-8"))
+    (project / "faults").write_text(how, encoding="utf-8")
+    while not (project / "hung").exists():
+        time.sleep(0.005)
+    return guard
+
+
+def exclusive(project: Path) -> None:
+    """A device that only one process can have, as a serial port."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        (project / "exclusive").write_text(str(free.getsockname()[1]), encoding="utf-8")
+
+
+def test_a_driver_that_hangs_while_nobody_is_left_is_succeeded_and_its_outputs_are_off(
+    server: ScpiServer, project: Path
+) -> None:
+    """rigctl and its guard are killed: the driver's process sees it, ends, and another one switches off."""
+    exclusive(project)
+    running = start(server, "endless.yaml")
+    wait_until_on(server, running)
+    guard = hang(project, "hangs")
+    for one in (running.pid, guard):
+        os.kill(one, getattr(signal, "SIGKILL", signal.SIGTERM))
+    running.communicate(timeout=120)
+    while not server.circuit.off:
+        time.sleep(0.01)
+
+
+def test_a_driver_that_lets_no_other_code_run_ends_although_its_guard_is_gone(
+    server: ScpiServer, project: Path
+) -> None:
+    """rigctl has another guard, whose driver gets the device only once the process that hangs has ended."""
+    exclusive(project)
+    running = start(server, "endless.yaml")
+    wait_until_on(server, running)
+    os.kill(hang(project, "hangs, and nothing else runs"), getattr(signal, "SIGKILL", signal.SIGTERM))
+    output, _ = running.communicate(timeout=120)
+    assert running.returncode == 1, output
+    while not server.circuit.off:
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize("listed", [False, True])
 def test_neither_a_rig_file_nor_its_folder_imports_anything(
     listed: bool, server: ScpiServer, project: Path
@@ -255,6 +274,31 @@ def test_what_is_no_driver_is_one_message(
     assert done.exit_code != 0
     assert message in str(done.exception), done.exception
     assert not server.circuit.switched
+
+
+def test_a_misspelt_package_is_told_the_nearest_that_is_installed(project: Path) -> None:
+    """And nobody is advised to install what the misspelt name may be the name of."""
+    (project / "rigctl.toml").write_text('drivers = ["bench_driver"]', encoding="utf-8")
+    for typed, meant in (("bench_drivr", "bench_driver"), ("pymeasur", "pymeasure")):
+        said = refusal("run", "step.yaml", "--allow-driver", typed)
+        assert f"got '{typed}'; did you mean '{meant}'?" in said
+        assert "pip install" not in said
+    assert "pip install" in refusal("run", "step.yaml", "--allow-driver", "quite_another_thing")
+
+
+def test_the_settings_of_the_project_are_read_once(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (project / "rigctl.toml").write_text('drivers = ["bench_driver"]', encoding="utf-8")
+    read: list[Path] = []
+
+    def found() -> Project:
+        read.append(project)
+        return find_project()
+
+    monkeypatch.setattr("rigctl.backends.python.permission.find_project", found)
+    with allowing(["bench_driver"]):
+        require_allowed("bench_driver")
+    assert len(read) == 1
+    require_allowed("bench_driver")  # it was kept
 
 
 def test_an_unknown_attribute_is_named_with_the_nearest(server: ScpiServer, project: Path) -> None:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import chdir
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -464,6 +465,104 @@ def test_a_run_goes_on_without_a_device_that_nothing_needs(
     assert np.isfinite(record.channels["oil_temperature"]).sum() > 100
     last = record.time[np.isfinite(record.channels["line_temperature"])].max()
     assert bool(last > absence["begin"]) is returns
+
+
+def test_a_stranger_in_the_place_of_a_device_that_nothing_needs_is_told_once(
+    devices: SeveralDevices, project: Path
+) -> None:
+    """It is sent nothing, and what it reads is no reading of the bench."""
+    with_policy(project, "meter", "lost: continue", *METER)
+    (project / "short.yaml").write_text(
+        "procedure: short\nrig: rig.yaml\nsteps:\n  - set: {heater: on}\n"
+        "  - record: {name: r, rate: 10 Hz}\n    do: [wait: 14 s]\n",
+        encoding="utf-8",
+    )
+    server = devices.servers["meter"]
+
+    def exchange() -> None:
+        server.stop()
+        server.exchanged = True
+        server.start()
+
+    try:
+        with Meanwhile(lambda: devices.circuit.outputs["heater"], exchange):
+            done = run(devices, "short.yaml")
+    finally:
+        server.stop()
+        server.exchanged = False
+        server.start()
+    assert json.loads(done.stdout)["status"] == "finished", done.output
+    events = measured().events
+    told = [text for text in events["message"] if "another device answers than before" in str(text)]
+    assert len(told) == 1
+    assert told[0].startswith("meter: ")
+    assert told[0].endswith("it is not taken up again in this run")
+    assert not server.to_stranger
+    (absence,) = measured().info["absences"]
+    assert (absence["device"], absence["end"]) == ("meter", None)
+    assert devices.circuit.off
+
+
+#: the meter by a foreign driver, instead of its lines
+DRIVER = """\
+    kind: python
+    port: 10.0.0.23:5025
+    python:
+      driver: bench_driver:Unit
+      arguments: {address: "{port}", faults: FOLDER/faults, process: FOLDER/process}
+      timeout: 4 s
+      wake: 60 s
+      tries: 1
+      watchdog: 30 s
+      identify: {get: idn}
+      channels:
+        line_temperature: {get: measure, item: temperature, unit: mV}
+      actuators:
+        cooler: {set: relay, confirm: relay}
+      safe:
+        - {call: shutdown}
+
+"""
+
+
+@pytest.mark.parametrize("fault", ["", "hangs", "raises"])
+def test_a_driver_is_one_of_several_devices(
+    fault: str, devices: SeveralDevices, project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drivers = str(Path(__file__).parent / "drivers")
+    monkeypatch.setenv("PYTHONPATH", drivers)
+    monkeypatch.syspath_prepend(drivers)
+    monkeypatch.setattr(
+        "rigctl.backends.python.permission._file", lambda: project / "config" / "drivers.json"
+    )
+    (project / "faults").write_text("", encoding="utf-8")
+    text = (project / "rig.yaml").read_text(encoding="utf-8")
+    begin, end = text.index("    kind: visa\n"), text.index("# 'device' says to which device")
+    text = text[:begin] + DRIVER.replace("FOLDER", project.as_posix()) + text[end:]
+    (project / "rig.yaml").write_text(text.replace("stale_after: 60 s", "stale_after: 6 s"), encoding="utf-8")
+    meter = devices.servers["meter"]
+    options = [one.replace(meter.port, f"127.0.0.1:{meter.number}") for one in devices.options]
+    more = ("--allow-driver", "bench_driver", "--json", "--answer-in-browser")
+    if not fault:
+        done = call("run", "procedure.yaml", *options, *more)
+        assert done.exit_code == 0, done.output
+        known = measured()
+        assert known.info["backend"]["meter.driver"] == "bench_driver:Unit"
+        assert known.info["backend"]["meter.identity"] == "ACME,34980,MY44001234,2.1"
+        readings = known.samples()["line_temperature"].dropna()
+        assert len(readings) > 5
+        assert readings.iloc[0] == pytest.approx(20.0, abs=1.0)
+        assert "cooler" in {one.actuator for one in known.switches if one.value > 0.0}
+    else:
+        break_down = partial((project / "faults").write_text, f"temperature {fault}", encoding="utf-8")
+        with Meanwhile(lambda: all_on(devices), lambda: break_down() and None):
+            done = call("run", "endless.yaml", *options, *more)
+        document = json.loads(done.stdout)
+        assert done.exit_code == ExitCode.FAILED, done.output
+        said = {"hangs": "has not come back from 'get measure'", "raises": "the instrument is offline"}
+        assert "meter: " in document["reason"]
+        assert said[fault] in document["reason"]
+    switched_off(devices)
 
 
 def test_what_needs_a_device_is_named_before_anything_moves(devices: SeveralDevices, project: Path) -> None:

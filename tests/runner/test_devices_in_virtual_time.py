@@ -9,7 +9,8 @@ import pytest
 
 from devices_in_virtual_time import InVirtualTime
 from rigctl.backends.errors import OutputsNotSafe
-from rigctl.backends.protocol import Notice, PendingCommand
+from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand
+from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.rig import Rig, parse_rig
 from rigctl.runner.bench import Bench
 from rigctl.runner.completeness import Completeness
@@ -117,6 +118,54 @@ def test_a_loop_acts_at_the_readings_of_its_channel_not_at_rows_of_other_devices
     at = [time for time, value in bench.given if value != 0.0]
     assert len(at) > 25
     assert at == pytest.approx([round(time, 1) for time in at], abs=1e-6)
+
+
+class _WithBoard(InVirtualTime):
+    """Its device `b` executes a loop by itself."""
+
+    running = False
+
+    def cannot_regulate(self, loop: LoopSettings) -> str:
+        return ""
+
+    def regulate(self, loop: LoopSettings) -> PendingCommand:
+        self.running = True
+        return PendingCommand.answered(CommandReceipt(self.clock.now(), loop.actuator, loop.low))
+
+    def loop_state(self, ahead: float | None = None) -> LoopState:
+        return LoopState(self.running, None)
+
+    def stop_regulating(self, actuator: str) -> PendingCommand:
+        self.running = False
+        return PendingCommand.answered(CommandReceipt(self.clock.now(), actuator, 0.0))
+
+    def safe(self) -> None:
+        self.running = False
+        super().safe()
+
+
+def test_a_loop_on_a_board_has_settled_by_its_own_readings_alone(tmp_path: Path) -> None:
+    """Rows of a faster device repeated a reading within the band until just before one that is not."""
+    slow = """{kind: modbus, port: "10.0.0.1:502", modbus: {fastest: 1 Hz,
+      channels: {vb: {table: input, address: 2, type: int16}},
+      actuators: {y: {table: holding, address: 0}}}}"""
+    text = RIG.replace("b: {kind: simulated}", f"b: {slow}")
+    text = text.replace(
+        "y: {device: b, kind: switch}", 'y: {device: b, kind: level, unit: "%", low: 0 %, high: 100 %}'
+    )
+    text = text.replace("y: off", "y: 0 %").replace("stale_after: 1 s", "stale_after: 5 s")
+    bench = _WithBoard(parse_rig(text), ScriptedClock())
+    bench.parts["b"].fastest = 1.0
+    bench.parts["b"].value = lambda time: 3.0 if 1.5 < time < 2.5 or time > 5.5 else 1.0
+    loop = (
+        "{actuator: y, channel: vb, to: 3 V, gain: 20 %/V, integral: 4 %/(V*s), rate: 1 Hz, within: 0.1 V, "
+        "settle: 0.5 s, timeout: 20 s, where: auto}"
+    )
+    done = run(
+        bench, tmp_path, f"steps:\n  - record: {{name: r, rate: 100 Hz}}\n    do:\n      - control: {loop}\n"
+    )
+    assert done.result.status == "finished", done.result.reason
+    assert bench.clock.now() > 6.0
 
 
 def test_a_move_stops_where_it_should_with_a_position_that_is_read_seldom(tmp_path: Path) -> None:

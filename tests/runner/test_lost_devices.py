@@ -464,3 +464,28 @@ def test_outputs_that_are_moved_by_hand_are_not_switched_on_again_by_the_return_
     )
     assert done.result.status == "failed"
     assert on_after(bench, 9.0) == []
+
+
+COUNTING = RIG.replace("  c: {kind", "  d: {kind: simulated, lost: POLICY}\n  c: {kind").replace(
+    "actuators:", "  uptime: {device: d, unit: s, quantity: time, counts_up: true}\nactuators:"
+)
+
+
+@pytest.mark.parametrize("policy", ["stop", "pause", "continue"])
+@pytest.mark.parametrize("recording", [False, True])
+def test_a_counter_that_starts_again_does_what_the_rig_file_says_of_its_device(
+    policy: str, recording: bool, tmp_path: Path
+) -> None:
+    """The device has no output: those of others were counted as switched off by it, which ended the run."""
+    bench = Lossy(COUNTING.replace("POLICY", policy))
+    bench.parts["d"].value = lambda time: time if time < 3.0 else time - 2.9
+    steps = "  - record: {name: r, rate: 10 Hz}\n    do: [wait: 5 s]\n" if recording else "  - wait: 5 s\n"
+    done = run(bench, tmp_path, ON + steps)
+    assert done.result.status == "finished", done.result.reason
+    again = recording and policy == "pause"
+    assert [outcome for _, outcome in done.records] == (
+        ["interrupted", "complete"] if again else ["complete"] * recording
+    )
+    assert (bench.clock.now() > 7.5) is again
+    events = open_run(done.result.folder).events
+    assert events["message"].str.startswith("the device has restarted: uptime went from 2.9 s").sum() >= 1

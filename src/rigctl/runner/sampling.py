@@ -345,9 +345,10 @@ class Sampling:
         bench, channel = self._bench, self._bench.rig.channels[name]
         shown = " to ".join(show(one, channel.unit) for one in (before, value))
         message = f"the device has restarted: {name} went from {shown}"
-        switched_off = sorted(bench.driven)
+        device = bench.rig.device_of(name)
+        switched_off = sorted(one for one in bench.driven if bench.rig.device_of(one) == device)
         bench.event("gap", message, switched_off=switched_off)
-        fields = {"switched_off": switched_off, "device": bench.rig.device_of(name)}
+        fields = {"switched_off": switched_off, "device": device, "restarted": True}
         self._gap(Notice(bench.now, "gap", message, fields))
 
     def _keep(self, row: Row) -> None:
@@ -400,7 +401,8 @@ class Sampling:
         # A step that regulates an output commands it at its next sample anyway; in a record that gap would be
         # data.
         lasting = cut_off if self._bench.recording else cut_off - self._bench.regulated
-        if lasting and self._policy(device) == "pause":  # it is back already, with its outputs off
+        restarted = self._bench.recording and "restarted" in notice.fields
+        if (lasting or restarted) and self._policy(device) == "pause":  # it is back, with its outputs off
             self._pause_for(device, notice.message)
         elif self.repeatable:
             self._end(SamplesLost(self._awaited.reason if self._awaited is not None else notice.message))

@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
-from patience import patient, unhurried
+import pytest
+
+from foreign_driver import DRIVERS, rig_with_driver
+from patience import no_silence, patient, unhurried
 from protocol_servers import SERVERS, ScpiServer, Server
 from rigctl.backends.protocol import Sample
+from rigctl.backends.python.permission import allowing
 from rigctl.backends.registry import create_backend
 from rigctl.clock import Clock, VirtualClock
 from rigctl.files.shipped import shipped
@@ -57,6 +62,29 @@ def served(kind: str, clock: Clock) -> Iterator[Subject]:
             "serial" if kind == "lines" else kind,
             rig,
             lambda: create_backend(rig, None, clock, {"port": port}),
+            lambda: server.circuit.outputs,
+            lambda: server.asked,
+            server=server,
+        )
+
+
+def driven(folder: Path, clock: Clock) -> Iterator[Subject]:
+    """The SCPI instrument by a foreign driver in Python."""
+    (folder / "faults").write_text("", encoding="utf-8")
+    rig = parse_rig(no_silence(rig_with_driver(folder)))
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        unhurried(),
+        allowing(["bench_driver"]),
+        ScpiServer(shipped_rig("oil-circuit-visa")) as server,
+    ):
+        patch.setenv("PYTHONPATH", str(DRIVERS))  # of its process
+        patch.syspath_prepend(str(DRIVERS))
+        options = {"port": f"127.0.0.1:{server.number}"}
+        yield Subject(
+            "python",
+            rig,
+            lambda: create_backend(rig, None, clock, options),
             lambda: server.circuit.outputs,
             lambda: server.asked,
             server=server,

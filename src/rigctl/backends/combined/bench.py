@@ -178,6 +178,8 @@ class CombinedBench:
                     return None
                 for device, why in needed.items():
                     raise lost(device, why)
+                if self._given_up():
+                    return None
                 if inbox.answered or left <= 0.0:
                     return None
                 inbox.arrived.wait(left)
@@ -324,6 +326,19 @@ class CombinedBench:
         if isinstance(error, BackendLost) and safe:
             error.what += f"; confirmed safe: {', '.join(sorted(safe))}"
         return error
+
+    def _given_up(self) -> bool:
+        """Say once of each device that the bench does without that it is gone for good; return if any is.
+
+        Another device may have answered in its place, or the time to look for it is over.
+        """
+        gone = self._inbox.lost.keys() - self._announced
+        self._announced |= gone
+        for device in sorted(gone):
+            why = f"{device}: {self._inbox.lost[device]}; it is not taken up again in this run"
+            fields = {"device": device, "warning": "device_gone"}
+            self._inbox.notices.append(Notice(self.clock.now(), "fault", why, fields))
+        return bool(gone)
 
     def _needs(self, device: str) -> bool:
         """Whether the bench is lost with this device."""

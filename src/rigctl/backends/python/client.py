@@ -11,9 +11,9 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from rigctl.backends.python.driver_process import start_process
 from rigctl.backends.transport.client_port import ClientPort
 from rigctl.backends.transport.port import PortLost
-from rigctl.child_process import module_command
 from rigctl.clock import Clock
 
 _ENDS_WITHIN = 0.5  # s for the process to end by itself
@@ -40,16 +40,7 @@ class DriverClient:
         self._name = url
         self._timeout = float(settings["timeout"])
         self._said: SimpleQueue[dict[str, str] | None] = SimpleQueue()  # None at the end of the process
-        self._process = subprocess.Popen(  # noqa: S603 - this Python, no shell
-            module_command("rigctl.backends.python.driver_process"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            encoding="utf-8",
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-            start_new_session=True,
-        )
+        self._process = start_process()
         threading.Thread(target=self._listen, daemon=True, name=f"driver of {url}").start()
         try:
             self._send(json.dumps(settings))

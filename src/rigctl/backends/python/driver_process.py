@@ -10,22 +10,30 @@ more. If its input ends without ``quit`` after something was set, it makes the o
 from __future__ import annotations
 
 import asyncio
+import faulthandler
 import inspect
 import json
 import math
 import os
 import re
 import signal
+import subprocess
 import sys
 import threading
+import time
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import IO, Any
 
 from rigctl.backends.transport.readback import is_near
+from rigctl.child_process import module_command
 
 _PART = re.compile(r"[^.\[\]]+")
 _MOST = 120  # characters of what a driver says that are repeated
+_BEYOND = 2.0  # s beyond the limit of a call after which the process ends, if nobody has ended it
+_SUCCESSORS = 60  # processes in turn that try to make outputs safe once nobody is there
+_PAUSE = 1.0  # s between them
 
 
 class Untrusted(Exception):
@@ -46,7 +54,6 @@ class Driver:
         self._says = says
         self._loop: asyncio.AbstractEventLoop | None = None
         self._set: dict[str, tuple[float, str]] = {}  # by actuator, the number last set, and its text
-        self.touched = False  # whether anything was set
         # Announced first: importing a package may take long, or hang, and the limit is one for each call.
         self._says(f"import of {settings['driver']}")
         made = _class_of(settings["driver"])
@@ -68,7 +75,6 @@ class Driver:
             return " ".join(self._reading(one, part) for one, part in group.items())
         try:
             if name == "write":
-                self.touched = True
                 self._write(*argument.split(" "))
             elif name == "safe":
                 self._call(self._settings["safe"][int(argument)])
@@ -80,11 +86,15 @@ class Driver:
             return f"error {_text_of(error)}"
         return "ok"
 
-    def leave(self) -> None:
-        """Make the outputs safe, as nobody else can any more."""
+    def leave(self) -> bool:
+        """Make the outputs safe, as nobody else can any more; return whether the driver did all of it."""
+        done = True
         for line in self._settings["leaving"]:
-            with suppress(Exception):
-                self.answer(line)
+            try:
+                done &= self.answer(line) == "ok"
+            except Exception:  # noqa: BLE001 - the other outputs are still to be made safe
+                done = False
+        return done
 
     def _identity(self) -> str:
         known = f"driver {self._settings['driver']}, package {self._settings['package']}"
@@ -387,6 +397,73 @@ def _one_line(value: object) -> str:
 # --- the process ------------------------------------------------------------------------------------------
 
 
+def start_process() -> subprocess.Popen[str]:
+    """Start the process of a driver, which still waits for its settings."""
+    return subprocess.Popen(  # noqa: S603 - this Python, no shell
+        module_command("rigctl.backends.python.driver_process"),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        encoding="utf-8",
+        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        start_new_session=True,
+    )
+
+
+class _Watch:
+    """How long the driver has been in its call, and what happens if nobody else looks after that.
+
+    Parameters
+    ----------
+    settings: of the driver; ``successors`` is there in a process that is to make outputs safe and no more.
+    """
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        self._settings = settings
+        self._limit = float(settings["wake"])
+        self._since = time.monotonic()
+        self._dumped = open(os.devnull, "w")  # noqa: SIM115, PTH123 - as long as the process lives
+        self._over = threading.Event()
+        self._orphaned = False  # nobody is left to start another process
+        self.touched = "successors" in settings
+
+    def called(self) -> None:
+        """Note that a call begins. It ends the process beyond its limit, whatever the driver does: this timer
+        is no Python code."""
+        self._since = time.monotonic()
+        faulthandler.dump_traceback_later(self._limit + _BEYOND, exit=True, file=self._dumped)
+
+    def returned(self) -> None:
+        """Note that the driver has done what it was asked to do, and has its usual limit from now on."""
+        faulthandler.cancel_dump_traceback_later()
+        self._since, self._limit = math.inf, float(self._settings["timeout"])
+
+    def left(self) -> None:
+        """Note that the process is about to end."""
+        self._over.set()
+
+    def outlive(self) -> None:
+        """Wait for the end of the process, as its input has ended; a driver that hangs is succeeded."""
+        self._orphaned = True
+        while not self._over.wait(0.05):
+            if time.monotonic() - self._since > self._limit:
+                if self.touched:
+                    self.succeed()
+                os._exit(1)
+
+    def succeed(self) -> None:
+        """Leave the outputs to another process of the driver, unless there is a guard that has one."""
+        left = int(self._settings.get("successors", _SUCCESSORS))
+        if left <= 0 or not self._orphaned:
+            return
+        next_one = start_process()
+        assert next_one.stdin is not None  # noqa: S101 - opened as a pipe
+        with suppress(OSError):
+            next_one.stdin.write(json.dumps({**self._settings, "successors": left - 1}) + "\n")
+            next_one.stdin.close()
+
+
 def main() -> int:
     """Serve until the input ends."""
     for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # meant for rigctl, which then ends this process
@@ -395,32 +472,52 @@ def main() -> int:
             signal.signal(number, signal.SIG_IGN)
     # Before the package is imported: a driver that prints at import must not write into the protocol.
     lines, out = _own_streams()
+    settings = json.loads(lines.readline())
+    watch = _Watch(settings)
+    if "successors" in settings:
+        time.sleep(_PAUSE)
 
     def say(**what: str) -> None:
-        out.write(json.dumps(what) + "\n")
-        out.flush()
+        with suppress(OSError):  # nobody listens any more: the end of the input says so, too
+            out.write(json.dumps(what) + "\n")
+            out.flush()
 
+    def calls(name: str) -> None:
+        watch.called()
+        say(calls=name)
+
+    coming: SimpleQueue[str] = SimpleQueue()
+    threading.Thread(target=_listen, args=(lines, coming, watch), daemon=True).start()
     driver: Driver | None = None
     try:
-        driver = Driver(json.loads(lines.readline()), lambda name: say(calls=name))
+        driver = Driver(settings, calls)
+        watch.returned()
         say(answer="ready")
-        for line in lines:
-            # The port was closed in an orderly way, with the outputs dealt with. Without it the other process
-            # was killed.
-            if line.strip() == "quit":
-                driver.touched = False
-                break
-            say(answer=driver.answer(line.strip()))
-    except OSError:
-        pass  # nobody listens any more
+        # With "quit" the port was closed in an orderly way, with the outputs dealt with; without it the other
+        # process was killed.
+        while (line := coming.get()) not in ("", "quit"):
+            watch.touched |= line.startswith("write ")
+            answer = driver.answer(line)
+            watch.returned()
+            say(answer=answer)
+        watch.touched &= line != "quit"
     except BaseException as error:  # noqa: BLE001 - a driver may even call sys.exit
-        with suppress(OSError):
-            say(lost=_text_of(error))
-    if driver is not None and driver.touched:
-        driver._says = lambda name: None  # noqa: SLF001 - nobody listens any more
-        driver.leave()
+        watch.returned()
+        say(lost=_text_of(error))
+    if watch.touched and not (driver is not None and driver.leave()):
+        watch.succeed()
+    watch.left()
     sys.stdout.flush()
     os._exit(0)  # a driver's threads may never end
+
+
+def _listen(lines: IO[str], coming: SimpleQueue[str], watch: _Watch) -> None:
+    """Pass on the lines of the input; its end is an empty one, and is seen while the driver is in a call."""
+    for line in lines:
+        if line.strip():
+            coming.put(line.strip())
+    coming.put("")
+    watch.outlive()
 
 
 def _own_streams() -> tuple[IO[str], IO[str]]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.files.private import is_private, private_folder
 from rigctl.files.regular import read_text
-from rigctl.project import find_project
+from rigctl.project import Project, find_project
 
 #: allowed for the command that is carried out, and how the user is asked; None where nobody can be
 _given: set[str] = set()
@@ -33,11 +33,12 @@ def require_allowed(package: str) -> None:
     RigctlError
         it is not.
     """
-    known = allowed()
+    project = find_project()
+    known = {*_given, *_kept(project)}
     if package in sys.stdlib_module_names:
         require_package(package)
-    listed = package in find_project().drivers
-    if package not in known and not _asked(package):
+    listed = package in project.drivers
+    if package not in known and not _asked(package, project):
         raise RigctlError(
             "this package has not been allowed to be imported for a driver",
             value=package,
@@ -46,7 +47,7 @@ def require_allowed(package: str) -> None:
         )
     require_package(package)
     if listed and package in _given:
-        _keep(package)
+        _keep(package, project)
 
 
 def require_package(package: str, before: str = "") -> None:
@@ -62,16 +63,26 @@ def require_package(package: str, before: str = "") -> None:
     if not package.isidentifier():
         raise RigctlError(f"{before}no name of a package", value=package, expected="e.g. pymeasure")
     if find_spec(package) is None:
+        near = nearest_name(package, _installed())
         raise RigctlError(
             f"{before}the package of the driver is not installed",
             value=package,
-            hint=f"pip install {package}, or the distribution that has it",
+            nearest=near,  # and no advice to install what a misspelt name may be that of
+            hint=None if near else f"pip install {package}, or the distribution that has it",
         )
 
 
 def allowed() -> set[str]:
     """Return the packages that may be imported for drivers."""
-    return {*_given, *_kept()}
+    return {*_given, *_kept(find_project())}
+
+
+def _installed() -> Iterator[str]:
+    """Yield the names of packages that can be imported: those that the project lists come first."""
+    from importlib.metadata import packages_distributions
+
+    yield from (one for one in find_project().drivers if find_spec(one) is not None)
+    yield from (one for one in packages_distributions() if one.isidentifier() and not one.startswith("_"))
 
 
 def distribution(package: str) -> str:
@@ -101,26 +112,26 @@ def allowing(packages: Collection[str], ask: Callable[[str], bool] | None = None
         _ask = earlier
 
 
-def _asked(package: str) -> bool:
+def _asked(package: str, project: Project) -> bool:
     if _ask is None or not _ask(package):
         return False
     _given.add(package)
-    _keep(package)
+    _keep(package, project)
     return True
 
 
-def _kept() -> Collection[str]:
-    """Return the packages that the user has allowed at a terminal for this project."""
+def _kept(project: Project) -> Collection[str]:
+    """Return the packages that the user has allowed for this project."""
     path = _file()
     with suppress(OSError, ValueError):
         if is_private(path):
-            found = _read(path).get(str(find_project().root), ())
+            found = _read(path).get(str(project.root), ())
             return [one for one in found if isinstance(one, str)]
     return ()
 
 
-def _keep(package: str) -> None:
-    path, root = _file(), str(find_project().root)
+def _keep(package: str, project: Project) -> None:
+    path, root = _file(), str(project.root)
     try:
         private_folder(path.parent)
         found = dict(_read(path)) if path.exists() else {}

@@ -121,10 +121,12 @@ class ControlOnBoard(Control):
         possible = bench.rig.channels[self.channel].possible
         end = bench.now + self.longest
         row: Row | None = yield from bench.fresh()
-        begun = False
+        begun, seen = False, -math.inf
         while True:
-            if row is not None and possible(row[column]):
-                value = row[column]
+            # rows of other devices repeat a reading: it counts once, at its own time
+            row = bench.read_with(row, self.channel) if row is not None else None
+            if row is not None and row[0] > seen and possible(row[column]) and not math.isnan(row[column]):
+                value, seen = row[column], row[0]
                 setpoint = watch.setpoint(row[0], value)
                 ahead = watch.ahead(row, setpoint)
                 if ahead is None:
