@@ -17,6 +17,7 @@ from torture import (
     guarded,
     logger_files,
     lying,
+    several,
     switching_off,
 )
 
@@ -32,6 +33,7 @@ def main() -> None:
     asked.add_argument("--restarts", type=int, default=1000, help="endings beside a restart of the device")
     asked.add_argument("--lying", type=int, default=2000, help="endings behind each protocol")
     asked.add_argument("--guarded", type=int, default=80)
+    asked.add_argument("--several", type=int, default=80, help="endings over three devices, one with a fault")
     asked.add_argument("--off", type=int, default=5, help="calls of 'rigctl off' of each kind")
     asked.add_argument("--seed", type=int, default=0)
     given = asked.parse_args()
@@ -74,6 +76,11 @@ def main() -> None:
             "guarded": asdict(
                 guarded.torture(
                     Path(folder) / "guarded", given.guarded if sys.platform == "linux" else 0, given.seed
+                )
+            ),
+            "several": asdict(
+                several.torture(
+                    Path(folder) / "several", given.several if sys.platform == "linux" else 0, given.seed
                 )
             ),
             "off": asdict(switching_off.torture(Path(folder) / "off", given.off)) if given.off else {},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ from rigctl_validation.bench.campaign import (
     simulate_records,
     write_csv,
 )
+from rigctl_validation.bench.devices import Device, simulate_on_devices
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
@@ -37,6 +39,7 @@ def make_run(
     *,
     imported: bool = False,
     started: datetime | None = None,
+    devices: Sequence[Device] = (),
 ) -> Path:
     """Measure the campaign and keep it as a run in the folder `runs`; returns the run's own folder.
 
@@ -46,6 +49,7 @@ def make_run(
     imported: through a CSV file and the import, so that switch times are known to within a sample only;
         otherwise as a board reports them, exactly.
     started: time of measurement, if not imported; now by default.
+    devices: what reads the channels, each at its own times; without, all are read together. Not if imported.
 
     Raises
     ------
@@ -53,7 +57,10 @@ def make_run(
         the rig has another bench's channels, or the folder cannot be written.
     """
     rig = load_rig(rig_path)
-    return _imported(campaign, rig, runs) if imported else _carried_out(campaign, rig, runs, started)
+    if imported:
+        return _imported(campaign, rig, runs)
+    records = simulate_on_devices(campaign, devices) if devices else simulate_records(campaign)
+    return _carried_out(campaign, records, rig, runs, started)
 
 
 def _imported(campaign: Campaign, rig: Rig, runs: Path) -> Path:
@@ -67,7 +74,9 @@ def _imported(campaign: Campaign, rig: Rig, runs: Path) -> Path:
         return import_file(path, rig, runs).path
 
 
-def _carried_out(campaign: Campaign, rig: Rig, runs: Path, started: datetime | None) -> Path:
+def _carried_out(
+    campaign: Campaign, records: Sequence[Measured], rig: Rig, runs: Path, started: datetime | None
+) -> Path:
     layout = _layout(campaign, rig)
     now = started or datetime.now(UTC)
     calibrations = calibrations_of(rig)
@@ -85,9 +94,7 @@ def _carried_out(campaign: Campaign, rig: Rig, runs: Path, started: datetime | N
     )
     writer = RunWriter.create(runs, header)
     try:
-        for number, (point, record) in enumerate(
-            zip(operating_points(campaign), simulate_records(campaign), strict=True)
-        ):
+        for number, (point, record) in enumerate(zip(operating_points(campaign), records, strict=True)):
             _write(writer, layout, record, point[0] + ZERO_CELSIUS, number * _PERIOD)
         return writer.close("finished")
     except BaseException:
@@ -129,4 +136,4 @@ def _write(writer: RunWriter, layout: Layout, record: Measured, oil: float, star
 
 
 def _rate(record: Measured) -> float:
-    return round(1.0 / float(record.time[1] - record.time[0]), 6)
+    return round(1.0 / float(np.diff(record.time[np.isfinite(record.channels["position"])]).min()), 6)

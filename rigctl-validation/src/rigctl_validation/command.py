@@ -33,6 +33,7 @@ class TierName(StrEnum):
     SHAPE = "shape"
     DISCOVERY = "discovery"
     DESIGN = "design"
+    DEVICES = "devices"
 
 
 def validate(
@@ -43,7 +44,8 @@ def validate(
             "never at rest, with noise of every colour; coverage: their sensors and guesses are as wrong as "
             "stated; real: published logs of real benches; shape: laws "
             "other than the library's; discovery: terms that are in no library, and formulas for them; "
-            "design: predicted power of designed records, and their results."
+            "design: predicted power of designed records, and their results; devices: the separate bench "
+            "read by one device and by several."
         ),
     ] = TierName.QUICK,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("validation"),
@@ -80,7 +82,9 @@ def validate(
     real benches, whole and cut, in the folder that RIGCTL_REAL_DATA names; the tier shape has effects of up
     to 1000 sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier
     discovery plants terms that are in no library, and searches for their formulas; the tier design runs
-    'learn' on that bench, and compares the predicted power of designed records with the results. Every
+    'learn' on that bench, and compares the predicted power of designed records with the results; the tier
+    devices reads that bench by one device and by four, of other rates, ages and clocks, and compares the
+    answers. Every
     finished trial is kept: after a kill, --resume continues. The tables are also written into the folder, as
     Markdown.
 

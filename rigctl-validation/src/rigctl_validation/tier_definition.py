@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rigctl_validation.figures import Figures
 
 TierName: TypeAlias = Literal[
-    "quick", "full", "anyone", "moving", "coverage", "real", "shape", "discovery", "design"
+    "quick", "full", "anyone", "moving", "coverage", "real", "shape", "discovery", "design", "devices"
 ]
 
 
@@ -80,6 +80,12 @@ def tier_definition(name: TierName) -> TierDefinition[Any]:  # noqa: PLR0911 - o
         from rigctl_validation.designed.work import carry_out_design
 
         return TierDefinition(design_trials(), carry_out_design, DesignTrial.read, design_figures)
+    if name == "devices":
+        from rigctl_validation.devices.rates import devices_figures
+        from rigctl_validation.devices.trial import DevicesTrial, devices_trials
+        from rigctl_validation.devices.work import carry_out_devices
+
+        return TierDefinition(devices_trials(), carry_out_devices, DevicesTrial.read, devices_figures)
     from rigctl_validation.rates import figures
     from rigctl_validation.scenario import Scenario
     from rigctl_validation.shape_rates import shape_figures

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl_validation.bench.parameters import BenchParameters, Sensors, Switching
-from rigctl_validation.bench.record import Condition, Trace, simulate_record
+from rigctl_validation.bench.record import RATE, Condition, Trace, simulate_record
 from rigctl_validation.bench.sensing import CHANNELS, Noise, measure, true_channels
 
 if TYPE_CHECKING:
@@ -93,12 +93,13 @@ def simulate_records(campaign: Campaign) -> list[Measured]:
     """Every record as logged; each has an independent random stream."""
     points = operating_points(campaign)
     return [
-        _measured(campaign, oil, pressure, _generator(campaign.seed, 1 + i))
+        _measured(campaign, oil, pressure, generator(campaign.seed, 1 + i))
         for i, (oil, pressure) in enumerate(points)
     ]
 
 
-def _generator(seed: int, stream: int) -> np.random.Generator:
+def generator(seed: int, stream: int) -> np.random.Generator:
+    """An independent random stream of a campaign: 1 + i is that of record i."""
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(stream,))))
 
 
@@ -112,6 +113,16 @@ def _trace(bench: BenchParameters, condition: Condition, switching: Switching) -
 
 
 def _measured(campaign: Campaign, oil: float, pressure: float, rng: np.random.Generator) -> Measured:
+    trace, sensors = scattered_trace(campaign, oil, pressure, rng)
+    channels = measure(trace, sensors, campaign.noise, rng)
+    recorded = {name: channels[name] for name in recorded_channels(campaign)}
+    return Measured(trace.time, trace.command, pressure * 1e5, recorded)
+
+
+def scattered_trace(
+    campaign: Campaign, oil: float, pressure: float, rng: np.random.Generator, rate: float = RATE
+) -> tuple[Trace, Sensors]:
+    """The outputs of one record [degC, bar] with its scatter but without noise, and the sensors during it."""
     scatter, switching = campaign.scatter, campaign.switching
     draw = rng.standard_normal(4)
     condition = Condition(
@@ -119,14 +130,12 @@ def _measured(campaign: Campaign, oil: float, pressure: float, rng: np.random.Ge
         setting=pressure * 1e5 * (1.0 + scatter.setting * float(draw[1])),
         trapped=0.9 * (1.0 + scatter.trapped * float(draw[2])),
     )
-    if scatter.oil or scatter.setting or scatter.trapped or switching.random:
-        trace = simulate_record(campaign.bench, condition, switching=switching, rng=rng)
+    if scatter.oil or scatter.setting or scatter.trapped or switching.random or rate != RATE:
+        trace = simulate_record(campaign.bench, condition, switching=switching, rng=rng, rate=rate)
     else:
         trace = _trace(campaign.bench, condition, switching)
     zero = campaign.sensors.position_offset + scatter.position_zero * float(draw[3])
-    channels = measure(trace, campaign.sensors._replace(position_offset=zero), campaign.noise, rng)
-    recorded = {name: channels[name] for name in recorded_channels(campaign)}
-    return Measured(trace.time, trace.command, pressure * 1e5, recorded)
+    return trace, campaign.sensors._replace(position_offset=zero)
 
 
 def simulate_campaign(campaign: Campaign) -> pd.DataFrame:

@@ -51,8 +51,9 @@ def simulate_record(
     switching: Switching | None = None,
     schedule: Sequence[tuple[float, float]] = STANDARD,
     rng: np.random.Generator | None = None,
+    rate: float = RATE,
 ) -> Trace:
-    """Integrate one record; switches are delayed according to `switching`, sampling times are not.
+    """Integrate one record, sampled at `rate` [Hz]; `switching` delays switches, but no sampling times.
 
     Raises
     ------
@@ -61,7 +62,7 @@ def simulate_record(
     """
     late = delayed(schedule, switching or Switching(), condition, rng)
     edges = np.cumsum([0.0, *(duration for _, duration in schedule)])
-    time = np.arange(round(float(edges[-1]) * RATE) + 1) / RATE
+    time = np.arange(round(float(edges[-1]) * rate) + 1) / rate
     command = np.array([value for value, _ in schedule])[
         np.clip(np.searchsorted(edges, time + 1e-9, side="right") - 1, 0, len(schedule) - 1)
     ]

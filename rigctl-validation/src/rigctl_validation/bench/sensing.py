@@ -121,9 +121,13 @@ def measure(
     trace: Trace, sensors: Sensors, noise: Noise, rng: np.random.Generator
 ) -> dict[str, NDArray[np.float64]]:
     """The channels as recorded."""
-    recorded = {}
-    for name, truth in true_channels(trace, sensors).items():
-        value = truth + coloured(rng, truth.size, noise.sigma[name], noise.correlation)
-        step = noise.step.get(name, 0.0)
-        recorded[name] = np.round(value / step) * step if step else value
-    return recorded
+    return {name: noisy(name, truth, noise, rng) for name, truth in true_channels(trace, sensors).items()}
+
+
+def noisy(
+    name: str, truth: NDArray[np.float64], noise: Noise, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """A channel's readings with noise, converted."""
+    value = truth + coloured(rng, truth.size, noise.sigma[name], noise.correlation)
+    step = noise.step.get(name, 0.0)
+    return np.round(value / step) * step if step else value

@@ -1,0 +1,1 @@
+"""The tier of several devices: the same bench read by one device and by four, with the same answers."""
