@@ -43,7 +43,7 @@ ENDINGS = ("by itself", *SIGNALS, "host killed", "host stands still", "guards ki
 OUTPUTS = {"controller": "heater", "plant": "relief_valve", "meter": "cooler"}
 #: s after which a silent device is lost, and after which a guard acts; s for which the host stands still
 _STALE, _WATCHDOG, _STANDS_STILL = 8.0, 8.0, 12.0
-#: s from what ends a run to the outputs of sound devices off, on a very busy computer; the tally has the times
+#: s from what ends a run to the outputs of sound devices off, on a very busy computer; the tally has times
 _OFF_WITHIN = 30.0
 #: s after which a device that is back has been switched off by its guard, which looks for it again and again
 _FOUND_AGAIN = 90.0
