@@ -95,7 +95,7 @@ def torture(folder: Path, trials: int, seed: int | str) -> Tally:
     with served_devices() as devices:
         for number in range(trials):
             try:
-                one(folder / "trial", draw(f"{seed}-{number}"), devices, tally)
+                one(folder / f"trial-{number}", draw(f"{seed}-{number}"), devices, tally)
             except AssertionError as problem:
                 tally.failures.append(str(problem))
     return tally
