@@ -293,7 +293,7 @@ def test_an_effect_at_the_edge_of_an_fmu_is_never_certain(monkeypatch: pytest.Mo
     """Its cause may be inside, where nothing was searched."""
     monkeypatch.setattr(judgement, "certain_levels", lambda *_: ("a level",))
     one = judged(Verdict.MISSING_EFFECT)
-    vars(one)["edges"] = (OnlyEdgesSearched("motor.fmu"),)
+    vars(one)["edges"] = (OnlyEdgesSearched("motor.fmu", "the FMU", ""),)
     assert one.verdict is Verdict.AMBIGUOUS
     assert one.levels == ()
     assert one.unconfirmed == ()

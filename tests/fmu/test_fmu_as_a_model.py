@@ -92,7 +92,7 @@ def test_its_effects_are_listed_without_running_it(tmp_path: Path) -> None:
 def test_it_is_not_exported_again(tmp_path: Path) -> None:
     write_bench(tmp_path)
     said = refusal("model", "export", "model.yaml", "-o", "again.fmu", "--family", "motor.fmu")
-    assert "the equations of this model are in an FMU already" in said
+    assert "a model that the FMU computes already has no equations to export" in said
 
 
 def test_an_effect_is_added_and_fitted_with_its_parameters(tmp_path: Path) -> None:

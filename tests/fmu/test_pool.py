@@ -11,9 +11,10 @@ import pytest
 
 from foreign_fmus import ACCELERATION, motor_fmu
 from rigctl.errors import RigctlError
+from rigctl.fmu.archive import digest
 from rigctl.fmu.description import read_description
-from rigctl.fmu.pool import Job, Pool
-from rigctl.fmu.program import Program, allow, digest
+from rigctl.fmu.program import FmuProgram
+from rigctl.foreign.pool import Job, Pool
 from systems import needs_compiler
 
 pytestmark = needs_compiler
@@ -22,7 +23,7 @@ pytestmark = needs_compiler
 @contextmanager
 def pool(path: Path, workers: int = 2, patience: float = 60.0) -> Iterator[Pool]:
     about = read_description(path)
-    program = Program(
+    program = FmuProgram(
         path,
         digest(path),
         about.kind,
@@ -32,7 +33,7 @@ def pool(path: Path, workers: int = 2, patience: float = 60.0) -> Iterator[Pool]
         sizes={"kt": 0.05},
         starts={"speed": about.port("speed")},
     )
-    allow(program.sha256)
+    program.allow()
     made = Pool(program, workers, patience)
     try:
         yield made
@@ -80,4 +81,4 @@ def test_an_fmu_that_has_been_exchanged_since_it_was_named_is_not_run(tmp_path: 
         program = processes._program
     motor_fmu(fmu, acceleration="0.0")
     with pytest.raises(RigctlError, match="the FMU has changed meanwhile"):
-        Pool(program, 1)
+        Pool(program, 1).run([job(0.05)])

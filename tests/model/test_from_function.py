@@ -231,16 +231,12 @@ def failing(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("rates", "message"),
     [
-        (branching, "may not branch"),
         (in_time, "may not depend on the time itself"),
         (at_a_time, "may not depend on the time itself"),
-        (with_math, "Take numpy's functions"),
-        (with_a_corner, r"may not have the corners of numpy\.sign"),
-        (with_an_integral, r"numpy\.arctan2 takes no symbols"),
         (misspelt, "did you mean 'damping'"),
         (of_another_unit, r"the equation of speed has the dimension \[A\]"),
         (forgetful, "does not return one rate for each of current, speed"),
-        (failing, "failing fails when it is called with symbols: IndexError"),
+        (failing, r"failing fails: IndexError: .*, in line \d+ of failing"),
         (None, "no function of their rates"),
     ],
 )
@@ -249,6 +245,23 @@ def test_what_has_no_equation_is_refused_in_one_message(
 ) -> None:
     with pytest.raises(rigctl.RigctlError, match=message):
         family_from_functions("motor", rates, motor_readings, **MOTOR)
+
+
+@pytest.mark.parametrize(
+    ("rates", "why"),
+    [
+        (branching, "may not branch"),
+        (with_math, "an expression is not a number"),
+        (with_a_corner, "may not have the corners of numpy.sign"),
+        (with_an_integral, "numpy.arctan2 takes no symbols"),
+    ],
+)
+def test_what_takes_no_symbols_is_called_with_numbers(rates: Callable[..., Any], why: str) -> None:
+    family = family_from_functions("motor", rates, motor_readings, **MOTOR)
+    assert family.program is not None
+    assert why in family.program.why
+    slots = {slot.name for slot in family.slots}
+    assert slots == {"voltage_input", "voltage_delay", "current_reading", "speed_reading"}
 
 
 @pytest.mark.parametrize(

@@ -391,8 +391,10 @@ def _slots(model: ModelComparison) -> list[Block]:
         Bar(one.slot, one.log_evidence / shown[0].log_evidence, significant(one.log_evidence), one.meaning)
         for one in shown
     )
-    inside = model.fit.problem.model.family.program is not None
-    which = "edge of the FMU may lack a term, if none inside does" if inside else "equation lacks a term"
+    program = model.fit.problem.model.family.program
+    which = "equation lacks a term"
+    if program is not None:
+        which = f"edge of {program.noun} may lack a term, if none inside does"
     return [Bars(f"which {which}, log-evidence", bars)]
 
 
@@ -411,7 +413,7 @@ def _wanted(model: ModelComparison) -> str:
     family = model.fit.problem.model.family
     places = [place_in_words(one.slot, family) for one in (known[0], *near)]
     if family.program is not None:
-        places.append(f"inside {family.program.path.name}, where nothing is looked for")
+        places.append(f"inside {family.program.name}, where nothing is looked for")
     return f"a term: {'; or '.join(places)}"
 
 

@@ -448,7 +448,7 @@ def _searched(diagnosis: Diagnosis) -> str:
     program = diagnosis.before.fit.problem.model.family.program
     if program is None:
         return ""
-    return f"only at the inputs and outputs of {program.path.name}; the cause may be inside the FMU"
+    return f"only at the inputs and outputs of {program.name}; the cause may be inside {program.noun}"
 
 
 def _certain(diagnosis: Diagnosis) -> str:

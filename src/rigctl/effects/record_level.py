@@ -272,10 +272,9 @@ def record_level(family: ModelFamily) -> RecordLevel:
 
 
 def _unsettable(family: ModelFamily) -> set[str]:
-    """The outputs of an FMU whose value at the start cannot be set."""
-    if family.program is None:
-        return set()
-    return {name for name, start in family.program.starts.items() if start is None}
+    """The outputs of a foreign program whose value at the start cannot be set."""
+    program = family.program
+    return set() if program is None else {*program.outputs} - {*program.settable}
 
 
 _SWITCHING = tuple(

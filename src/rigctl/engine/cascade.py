@@ -1,4 +1,4 @@
-"""Records of a system of which a foreign program, an FMU, computes a part.
+"""Records of a system of which a foreign program computes a part: an FMU, or a user's functions.
 
     u --(effects on commands)--> drives --(program)--> z --(effects on readings)--> outputs
 
@@ -25,7 +25,8 @@ from rigctl.engine.splines import SplineColumns
 from rigctl.engine.symbols import Expr, evaluate, variables_of
 from rigctl.engine.system import Foreign, System, after, before
 from rigctl.engine.trajectories import Statistics, Trajectories
-from rigctl.fmu.pool import Job, Pool, pool_of
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.foreign.pool import Job, Pool, pool_of
 
 #: `rigctl.engine.simulate.simulate`, for the two parts in equations
 Engine: TypeAlias = Callable[..., Trajectories]
@@ -37,6 +38,10 @@ _MOVED: Final = 0.2
 #: steps that are tried, as shares of the usual one; two derivatives agree that differ by less than `_AGREE`
 _SMALLER: Final = (1.0, 0.1, 0.01)
 _AGREE: Final = 0.02
+#: the derivatives by two steps, neither of which can be used if they differ by more
+_NO_DERIVATIVE: Final = 0.2
+#: a large step, as a share of the usual one
+_LARGE: Final = 100.0
 #: records on which steps are tried
 _TRIED: Final = 2
 #: points after a command at which a fast drive is followed, in sampling intervals
@@ -122,9 +127,7 @@ class _Cascade:
         self.at_responses = [system.state_names.index(name) for name in foreign.responses]
         readings = cascade.readings.system
         self.of_readings = _names([*readings.rhs, *(one.expr for one in readings.outputs)]) & set(self.index)
-        self.settable = {
-            name: k for k, (name, port) in enumerate(foreign.program.starts.items()) if port is not None
-        }
+        self.settable = set(foreign.program.settable)
 
     def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
         # 1. the drives, the program, and what is read of it, with the exact derivatives of the readings
@@ -390,7 +393,55 @@ class _Cascade:
             best = min(best, (apart, _SMALLER[len(tried) - 2]))
             if apart < _AGREE:
                 break
+        if name in self.of_program:
+            at = [courses[k] for k in some]
+            self._require_derivative(name, change, best, tried[0], at)
         self.cascade.step_sizes[name] = (best[1], best[0])
+
+    def _require_derivative(
+        self,
+        name: str,
+        change: _Change,
+        best: tuple[float, float],
+        slope: Floats,
+        courses: Sequence[_Courses],
+    ) -> None:
+        """Refuse a parameter of the program by which its outputs have no derivative.
+
+        Parameters
+        ----------
+        best: by how much its derivatives by two steps differ at least, and the share of the larger step.
+        slope: the derivative by the usual step.
+
+        Raises
+        ------
+        RigctlError
+            the two differ by too much, or both are 0 and a much larger step changes the outputs.
+        """
+        apart, share = best
+        if not slope.any():
+            own = [one.excitation for one in courses]
+            far = self._run([change.moved(one, change.steps(one, _LARGE)[0]) for one in own])
+            if all(
+                new.reason or np.array_equal(new.at_samples, old.at_samples)
+                for new, old in zip(far, courses, strict=True)
+            ):
+                return
+            what = f"small changes of it change nothing, and one of {100.0 * _LARGE * _SHARE:.0f} % does"
+        elif _NO_DERIVATIVE < apart < np.inf:
+            step = 100.0 * share * _SHARE
+            what = (
+                f"differences by {step:.2g} % and {step / 10.0:.2g} % of it are {100.0 * apart:.0f} % apart"
+            )
+        else:
+            return
+        program = self.foreign.program
+        raise RigctlError(
+            f"the outputs of {program.name} have no derivative by {name}: {what}",
+            where=program.location,
+            hint="Fix it at its value, or make what depends on it change without jumps",
+            exit_code=ExitCode.FAILED,
+        )
 
     def _slopes(
         self,

@@ -20,7 +20,6 @@ from rigctl.engine.source import ARGUMENTS, Source, source_of
 from rigctl.engine.straight_line import module_of
 from rigctl.engine.system import Foreign, System
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.fmu.program import allow, require_allowed
 
 Integers = NDArray[np.int64]
 
@@ -88,7 +87,7 @@ class Cascade:
 def _cascade_again(system: System, step_sizes: dict[str, tuple[float, float]]) -> CompiledSystem:
     """A compiled system that another process sends: it has asked whether the program may run."""
     assert system.foreign is not None  # noqa: S101 - it has a cascade
-    allow(system.foreign.program.sha256)
+    system.foreign.program.allow()
     compiled = compile_system(system)
     assert compiled.cascade is not None  # noqa: S101
     compiled.cascade.step_sizes.update(step_sizes)
@@ -121,10 +120,11 @@ def compile_system(
 def _compile_cascade(
     system: System, foreign: Foreign, *, stepping: bool, progress: Progress | None
 ) -> CompiledSystem:
-    require_allowed(foreign.program)
+    foreign.program.require_allowed()
     if stepping:
         raise RigctlError(
-            "an FMU cannot be a simulated bench, on which procedures run", value=foreign.program.path.name
+            f"what {foreign.program.noun} computes cannot be a simulated bench, on which procedures run",
+            value=foreign.program.name,
         )
     commands, readings = (compile_system(one, progress=progress) for one in parts_of(system, foreign))
     text = "\n".join([commands.source.text, readings.source.text, repr(foreign.program)])

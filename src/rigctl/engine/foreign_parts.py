@@ -27,7 +27,7 @@ def parts_of(system: System, foreign: Foreign) -> tuple[System, System]:
     loop = before & set(foreign.responses)
     if loop:
         raise RigctlError(
-            f"what {foreign.program.path.name} is given depends on what it computes",
+            f"what {foreign.program.name} is given depends on what it computes",
             value=min(loop),
             expected="effects on its inputs that use inputs alone",
         )

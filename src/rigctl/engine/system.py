@@ -8,7 +8,7 @@ from functools import cached_property
 
 from rigctl.engine.symbols import Expr, Graph, Scalar, check_dimension, variables_of
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.fmu.program import Program
+from rigctl.foreign.program import Program
 from rigctl.units import Dimension, parse_unit
 
 _SECOND = "s"
@@ -299,7 +299,7 @@ def _check_equations(system: System) -> None:
     known = {*system.state_names, *system.input_names, *system.parameter_names}
     if system.foreign is not None:
         for drive in system.foreign.drives:
-            _check_variables(drive, known, f"an input of {system.foreign.program.path.name}")
+            _check_variables(drive, known, f"an input of {system.foreign.program.name}")
         known |= {rate_of(name) for name in system.foreign.responses}
     for state, derivative in zip(system.states, system.rhs, strict=True):
         what = f"the derivative of {state.name}"

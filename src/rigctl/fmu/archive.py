@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import zipfile
 from pathlib import Path, PurePosixPath
 
 from rigctl.errors import Location, RigctlError
-from rigctl.files.regular import regular
+from rigctl.files.regular import read_bytes, regular
 
 _ABOUT = "modelDescription.xml"
 #: bytes that an FMU may unpack to at most, from which it counts as large, and that its description may have
@@ -62,3 +63,8 @@ def _checked(archive: zipfile.ZipFile, packed: int) -> list[str]:
         raise RigctlError("the description of the FMU declares a document type", value=_ABOUT)
     parts = [PurePosixPath(entry.filename).parts for entry in entries]
     return sorted({one[1] for one in parts if len(one) > 2 and one[0] == "binaries"})
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(read_bytes(path)).hexdigest()

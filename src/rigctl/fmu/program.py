@@ -6,22 +6,23 @@ FMU itself on the command line (`allow`), as for a family of models in Python. W
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from rigctl.errors import Location, RigctlError
-from rigctl.files.regular import read_bytes
 from rigctl.fmu.description import Kind, Port
+from rigctl.fmu.process import FmuProcess
+from rigctl.foreign.process import PATIENCE
 
 #: SHA-256 of the FMUs that the user has named in this command
 _ALLOWED: set[str] = set()
 
 
 @dataclass(frozen=True)
-class Program:
-    """An FMU with its connected variables, by their names in the model.
+class FmuProgram:
+    """An FMU with its connected variables, by their names in the model: a `rigctl.foreign.program.Program`.
 
     Attributes
     ----------
@@ -41,33 +42,68 @@ class Program:
     sizes: Mapping[str, float]
     starts: Mapping[str, Port | None]
 
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return self.path.name
 
-def digest(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(read_bytes(path)).hexdigest()
+    @property
+    def noun(self) -> str:
+        """What it is, in messages."""
+        return "the FMU"
+
+    @property
+    def why(self) -> str:
+        """Nothing to say: nobody expects to see the inside of an FMU."""
+        return ""
+
+    @property
+    def location(self) -> Location:
+        """Its file."""
+        return Location(self.path)
+
+    @property
+    def settable(self) -> tuple[str, ...]:
+        """The outputs whose value at the start can be set."""
+        return tuple(name for name, port in self.starts.items() if port is not None)
+
+    def with_constants(self, values: Mapping[str, float]) -> Self:
+        """The FMU itself: what no fit changes keeps the value that it has in the FMU."""
+        del values
+        return self
+
+    def allow(self) -> None:
+        """Let it run in this process and those that it starts."""
+        allow(self.sha256)
+
+    def require_allowed(self) -> None:
+        """Refuse to run an FMU that only a file names.
+
+        Raises
+        ------
+        RigctlError
+            the user has not named it, or it has changed since its family file was read.
+        """
+        if self.sha256 not in _ALLOWED:
+            raise RigctlError(
+                "an FMU is a program, and is not run because a file names it",
+                where=self.location,
+                hint=f"If you trust it, name it on the command line: '--family {self.path.as_posix()}'",
+            )
+
+    def process(self, patience: float | None = None) -> FmuProcess:
+        """A process that simulates it."""
+        return FmuProcess(
+            self.path,
+            self.kind,
+            list(self.inputs.values()),
+            list(self.outputs.values()),
+            [*self.parameters.values(), *(one for one in self.starts.values() if one is not None)],
+            patience=PATIENCE if patience is None else patience,
+            sha256=self.sha256,
+        )
 
 
 def allow(sha256: str) -> None:
     """Let the FMU with this content run in this process and those that it starts."""
     _ALLOWED.add(sha256)
-
-
-def is_allowed(sha256: str) -> bool:
-    """Whether the user has named the FMU with this content."""
-    return sha256 in _ALLOWED
-
-
-def require_allowed(program: Program) -> None:
-    """Refuse to run an FMU that only a file names.
-
-    Raises
-    ------
-    RigctlError
-        the user has not named it, or it has changed since its family file was read.
-    """
-    if not is_allowed(program.sha256):
-        raise RigctlError(
-            "an FMU is a program, and is not run because a file names it",
-            where=Location(program.path),
-            hint=f"If you trust it, name it on the command line: '--family {program.path.as_posix()}'",
-        )

@@ -1,23 +1,24 @@
 """Simulates an FMU in a process of its own: ``python -m rigctl.fmu.worker``, commanded through its pipes.
 
-An FMU is a compiled program: if it crashes or never returns, only this process is lost. A message is one line
-of JSON, followed by the bytes of arrays of doubles whose shapes it gives. The first command names the FMU, a
-folder to unpack it in, and its connected variables; each further one is a simulation: its points in time, the
-inputs from each of them to the next, and what is set before it starts. All values are in the FMU's units.
+An FMU is a compiled program: if it crashes or never returns, only this process is lost. The first message
+names the FMU, a folder to unpack it in, and its connected variables; each further one is a simulation: its
+points in time, the inputs from each of them to the next, and what is set before it starts. All values are in
+the FMU's units.
 """
 
 from __future__ import annotations
 
 import ctypes
-import json
 import math
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rigctl.foreign.messages import DOUBLE, read_message, write_message
 
 Floats = NDArray[np.float64]
 
@@ -27,33 +28,8 @@ _TOLERANCE = 1e-8
 _MOST_STEPS, _MOST_EVENTS = 20_000, 1000
 #: states between two points at which a derivative is not finite, as it may be beyond the range of a model
 _MOST_REFUSED = 100
-_DOUBLE = 8  # bytes
 #: status of a call that was successful with a warning; those above it are failures
 _WARNING = 1
-
-
-def write_message(stream: IO[bytes], content: Mapping[str, Any], *arrays: Floats) -> None:
-    """Send a message."""
-    head = {**content, "shapes": [list(one.shape) for one in arrays]}
-    stream.write(json.dumps(head).encode() + b"\n")
-    stream.writelines(np.ascontiguousarray(one, dtype=np.float64).tobytes() for one in arrays)
-    stream.flush()
-
-
-def read_message(stream: IO[bytes]) -> tuple[dict[str, Any], list[Floats]] | None:
-    """The next message; None at the end."""
-    line = stream.readline()
-    if not line.endswith(b"\n"):
-        return None
-    content: dict[str, Any] = json.loads(line)
-    arrays = []
-    for shape in content.pop("shapes"):
-        size = _DOUBLE * math.prod(shape)
-        data = stream.read(size)
-        if len(data) < size:
-            return None
-        arrays.append(np.frombuffer(data, dtype=np.float64).reshape(shape))
-    return content, arrays
 
 
 class _Calls:
@@ -107,7 +83,7 @@ class _Instance:
     def _access(self, ports: str, values: Floats) -> tuple[int, int, int, int]:
         """Address of references, their number, address of the values, bytes of a row."""
         count = len(self._references[ports])
-        return self._references[ports].ctypes.data, count, values.ctypes.data, count * _DOUBLE
+        return self._references[ports].ctypes.data, count, values.ctypes.data, count * DOUBLE
 
     def give(self, k: int) -> None:
         """Set the inputs that hold from point k on."""

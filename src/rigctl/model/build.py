@@ -67,7 +67,8 @@ def build_system(
     builder = SystemBuilder()
     # symbols by name, as formulas ask for them: states, inputs and parameters of the family, then the
     # effects' own
-    known = _declare(builder, chosen, parameter_values(chosen, rig, parameters, oil))
+    given = parameter_values(chosen, rig, parameters, oil)
+    known = _declare(builder, chosen, given)
     for effect, values in used:
         known |= _declare_effect(builder, effect, values)
     # under its name a formula then finds the input that acted: with the unknown of an unrecorded one, and
@@ -89,7 +90,9 @@ def build_system(
     # whose rate the engine does not know
     if chosen.program is not None:
         drives = [scope[item.name] + scope.total(input_slot(item.name)) for item in chosen.inputs]
-        builder.foreign(chosen.program, drives, [per_second(state.unit) for state in chosen.states])
+        constants = {one.name: given[one.name] for one in chosen.parameters if one.fixed}
+        units = [per_second(state.unit) for state in chosen.states]
+        builder.foreign(chosen.program.with_constants(constants), drives, units)
     for output in chosen.outputs:
         if rig is None or output.name in rig.channels:
             builder.output(output.name, output.unit, output.formula(scope))

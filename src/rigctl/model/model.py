@@ -23,6 +23,7 @@ from rigctl.engine.least_squares.unknown import Prior
 from rigctl.engine.system import System
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.version_suffix import split_version
+from rigctl.foreign.process import PATIENCE
 from rigctl.model.build import build_system, superset
 from rigctl.model.values import parameter_values
 from rigctl.notebook import as_html, one_line
@@ -109,12 +110,17 @@ class Model:
         parameters: Mapping[str, Declared],
         outputs: Mapping[str, str],
         name: str = "python_model",
+        time_limit: float = PATIENCE,
     ) -> Model:
         """A model whose equations are Python functions.
 
         ``dx/dt = rates(t, x, u, p)``, ``y = readings(x, u, p)``. Both are called with symbols in place of SI
         numbers, and have exact derivatives and compiled speed; states x, inputs u and parameters p are taken
         by name, ``p.mass``. They return a dict by name, or values in the order declared.
+
+        Functions that take no symbols, because they branch, look a table up or call another library, are
+        called with numbers in processes of their own. Derivatives are then differences that are checked, and
+        effects are looked for at inputs and readings alone; the model says so.
 
         Parameters
         ----------
@@ -124,15 +130,23 @@ class Model:
         inputs: the value of each when nothing is commanded, with its unit.
         parameters: ``"9.81 m/s^2"`` is exact; ``("2 ohm", "0.1 ohm", "50 ohm")`` is fitted within bounds.
         outputs: the unit of each, ``"rad/s"``.
+        time_limit: s, for one simulation of a record by functions that are called with numbers.
 
         Raises
         ------
         RigctlError
             a declaration is wrong, an equation has another dimension than its result, or a function fails,
-            branches on a symbol or depends on the time.
+            depends on the time, or needs too long.
         """
         family = family_from_functions(
-            name, rates, readings, states=states, inputs=inputs, parameters=parameters, outputs=outputs
+            name,
+            rates,
+            readings,
+            states=states,
+            inputs=inputs,
+            parameters=parameters,
+            outputs=outputs,
+            time_limit=time_limit,
         )
         # the rig file may name this family, which is in no file
         with using_families(family):
@@ -216,7 +230,9 @@ class Model:
     def __repr__(self) -> str:
         """One-line representation."""
         effects = f" with {', '.join(self.effects)}" if self.effects else ""
-        return one_line(self, f"{self.name}: {self.family.name}{effects}, {len(self.fitted)} free")
+        program = self.family.program
+        by = f", called with numbers: {program.why}" if program is not None and program.why else ""
+        return one_line(self, f"{self.name}: {self.family.name}{effects}, {len(self.fitted)} free{by}")
 
     def summary(self) -> str:
         """Its family, bench, effects and how many parameters a fit may change."""

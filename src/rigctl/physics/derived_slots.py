@@ -20,7 +20,9 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 from rigctl.engine.symbols import Expr, Graph, Scalar, variables_of
+from rigctl.engine.system import rate_of
 from rigctl.errors import RigctlError
+from rigctl.foreign.program import Program
 from rigctl.physics.family import Formula, InputVariable, ModelFamily, OutputVariable, Slot
 from rigctl.physics.scope import Scope
 from rigctl.physics.si_unit import si_unit
@@ -193,15 +195,49 @@ def _delayed(item: InputVariable) -> InputVariable:
     return replace(item, delay=_Late(delay_slot(item.name)))
 
 
-def with_edge_slots(family: ModelFamily) -> ModelFamily:
-    """`family`, whose states an FMU computes, with slots at its inputs and its readings alone."""
+def around(program: Program, family: ModelFamily) -> ModelFamily:
+    """`family` with its states computed by `program`, and with slots at its inputs and its readings alone.
+
+    The states are the program's outputs, each with the rate that it has there, and each is read as it is.
+    """
     inputs = tuple(_delayed(item) for item in family.inputs)
     slots = (*_at_inputs(inputs), *_until_acting(inputs), *_at_readings(family))
     nothing: frozenset[str] = frozenset()
-    outputs = tuple(
-        replace(one, formula=_Plus(one.formula, reading_slot(one.name), nothing)) for one in family.outputs
+    return replace(
+        family,
+        states=tuple(replace(one, rate=_Rate(one.name, one.unit)) for one in family.states),
+        inputs=inputs,
+        slots=slots,
+        outputs=tuple(
+            replace(one, formula=_Plus(_Itself(one.name), reading_slot(one.name), nothing))
+            for one in family.outputs
+        ),
+        program=program,
     )
-    return replace(family, inputs=inputs, slots=slots, outputs=outputs)
+
+
+@dataclass(frozen=True)
+class _Itself:
+    """The reading of a program's output is the output."""
+
+    name: str
+
+    def __call__(self, m: Scope) -> Scalar:
+        return m[self.name]
+
+
+@dataclass(frozen=True)
+class _Rate:
+    """The rate of a program's output: a variable that only a simulation knows; 0 in plain numbers."""
+
+    name: str
+    unit: str
+
+    def __call__(self, m: Scope) -> Scalar:
+        value = m[self.name]
+        if isinstance(value, Expr):
+            return value.graph.variable(rate_of(self.name), parse_unit(per_second(self.unit)).dimension)
+        return 0.0
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from rigctl.physics.standard_record import StandardRecord
 from rigctl.physics.standing import Standing
 
 if TYPE_CHECKING:
-    from rigctl.fmu.program import Program
+    from rigctl.foreign.program import Program
     from rigctl.physics.interpolation import Curve
     from rigctl.physics.scope import Scope
 
@@ -185,7 +185,7 @@ class ModelFamily:
     rig_names: parameters by their names in a rig file, where these differ.
     standard_record: on which effects are tried and plotted.
     tables: look-up tables, for `Scope.table`.
-    program: the FMU that computes its states, which are then the FMU's outputs.
+    program: computes its states, which are then the program's outputs: an FMU, or a user's functions.
     generic: whether generic effects are offered at its slots; the shipped families have a library instead.
     """
 

@@ -3,19 +3,29 @@ p)``.
 
 The functions are called with symbols in place of numbers, so that what they compute becomes the equations of
 the family: with exact derivatives, compiled, with units checked and slots for effects, as if they had been
-written in a family file. Arithmetic takes symbols, and so do numpy's functions that have a derivative; a
-branch has none, and is refused with the smooth switch to use instead.
+written in a family file. Arithmetic takes symbols, and so do numpy's functions that have a derivative.
+
+Functions that take none, because they branch, look a table up or call another library, are called with
+numbers, by a program that computes the model like an FMU (`rigctl.foreign.functions`): derivatives are
+differences, and effects act at the inputs and readings alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, Never, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias
+from uuid import uuid4
 
-from rigctl.engine.symbols import Expr, Scalar
-from rigctl.errors import RigctlError, unknown_name
-from rigctl.physics.derived_slots import with_derived_slots
+import numpy as np
+
+from rigctl.engine.symbols import Scalar
+from rigctl.errors import RigctlError
+from rigctl.foreign.functions import FunctionProgram
+from rigctl.foreign.pool import Job, Pool
+from rigctl.foreign.process import PATIENCE
+from rigctl.foreign.variables import Time, Variables, by_name, name_of
+from rigctl.physics.derived_slots import around, rates_in_symbols, with_derived_slots
 from rigctl.physics.family import (
     InputVariable,
     ModelFamily,
@@ -35,49 +45,8 @@ UserFunction: TypeAlias = Callable[..., Any]
 
 #: change of a state that matters where the user states none, in the unit in which its start is written
 _SCALE = 1e-3
-
-
-class Variables:
-    """Some variables of a model by attribute or by key, ``p.mass`` or ``p["mass"]``, or in order, as
-    ``angle, speed = x``."""
-
-    def __init__(self, kind: str, names: Sequence[str], scope: Scope) -> None:
-        self._kind, self._names, self._scope = kind, tuple(names), scope
-
-    def __getitem__(self, name: str) -> Scalar:
-        if name not in self._names:
-            raise unknown_name(self._kind, name, self._names)
-        return self._scope[name]
-
-    def __getattr__(self, name: str) -> Scalar:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return self[name]
-
-    def __iter__(self) -> Iterator[Scalar]:
-        return iter([self._scope[name] for name in self._names])
-
-
-#: what the time is called in messages
-_TIME = "the time t"
-
-
-class _Time:
-    """The time of a record, on which no equation may depend: two records begin at other times of day."""
-
-    def __repr__(self) -> str:
-        return _TIME
-
-    def _refuse(self, *_: object, **__: object) -> Never:
-        raise RigctlError(
-            "an equation may not depend on the time itself",
-            hint="Make what changes with time an input, or a state with its rate",
-        )
-
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
-    __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __float__ = __array_ufunc__ = _refuse
-    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __bool__ = _refuse
-    __hash__ = object.__hash__
+#: duration of the simulation by which functions are tried, s
+_FIRST = 1e-6
 
 
 def family_from_functions(
@@ -89,45 +58,145 @@ def family_from_functions(
     inputs: Mapping[str, Declared],
     parameters: Mapping[str, Declared],
     outputs: Mapping[str, str],
+    time_limit: float = PATIENCE,
 ) -> ModelFamily:
     """The family of two functions, checked; see `rigctl.Model.from_function` for the parameters.
 
     Raises
     ------
     RigctlError
-        a declaration or what a function returns is wrong, a function fails, branches on a symbol or depends
-        on the time; or an equation has another dimension than its result.
+        a declaration or what a function returns is wrong, a function fails or depends on the time; or an
+        equation has another dimension than its result.
     """
     if states and rates is None:
         raise RigctlError("there are states, but no function of their rates", expected="rates(t, x, u, p)")
     known = tuple(states), tuple(inputs), tuple(parameters)
-    return with_derived_slots(
-        check_family(
-            ModelFamily(
-                name=name,
-                title=name.replace("_", " "),
-                source=getattr(readings, "__module__", ""),
-                states=tuple(
-                    _state(one, written, _Formula(rates or readings, "rate", one, tuple(states), *known))
-                    for one, written in states.items()
-                ),
-                inputs=tuple(_input(one, written) for one, written in inputs.items()),
-                parameters=tuple(_parameter(one, written) for one, written in parameters.items()),
-                definitions=(),
-                slots=(),
-                outputs=tuple(
-                    OutputVariable(
-                        one,
-                        si_unit(_unit_of(one, unit)),
-                        _Formula(readings, "reading", one, tuple(outputs), *known),
-                        "",
-                        shown=unit,
-                    )
-                    for one, unit in outputs.items()
-                ),
+    family = ModelFamily(
+        name=name,
+        title=name.replace("_", " "),
+        source=getattr(readings, "__module__", ""),
+        states=tuple(
+            _state(one, written, _Formula(rates or readings, "rate", one, tuple(states), *known))
+            for one, written in states.items()
+        ),
+        inputs=tuple(_input(one, written) for one, written in inputs.items()),
+        parameters=tuple(_parameter(one, written) for one, written in parameters.items()),
+        definitions=(),
+        slots=(),
+        outputs=tuple(
+            OutputVariable(
+                one,
+                si_unit(_unit_of(one, unit)),
+                _Formula(readings, "reading", one, tuple(outputs), *known),
+                "",
+                shown=unit,
+            )
+            for one, unit in outputs.items()
+        ),
+    )
+    why = _no_symbols(family)
+    if why is not None:
+        return _called_with_numbers(family, rates, readings, why, time_limit)
+    return with_derived_slots(check_family(family))
+
+
+def _no_symbols(family: ModelFamily) -> RigctlError | None:
+    """Why the functions take no symbols; None if they do."""
+    try:
+        rates_in_symbols(family)
+    except RigctlError as problem:
+        return problem
+    return None
+
+
+def _called_with_numbers(
+    family: ModelFamily, rates: UserFunction | None, readings: UserFunction, why: RigctlError, limit: float
+) -> ModelFamily:
+    """The family whose functions take no symbols, as `why` says: they are its program.
+
+    Raises
+    ------
+    RigctlError
+        they cannot be sent to another process, or fail with numbers too.
+    """
+    starts = {one.name: (one.start, one.scale) for one in family.states}
+    units = {one.name: parse_unit(one.unit).dimension for one in family.states}
+    free = [one for one in family.parameters if not one.fixed]
+    program = FunctionProgram(
+        name=family.name,
+        token=uuid4().hex,
+        code=_sent(rates, readings),
+        why=f"they take no symbols ({_clause(why)})",
+        states=starts,
+        inputs=tuple(one.name for one in family.inputs),
+        outputs=tuple(one.name for one in family.outputs),
+        parameters=tuple(one.name for one in free),
+        sizes={one.name: abs(one.value) or 0.01 * (one.high - one.low) for one in free},
+        settable=tuple(
+            one.name for one in family.outputs if units.get(one.name) == parse_unit(one.unit).dimension
+        ),
+        constants={one.name: one.value for one in family.parameters if one.fixed},
+        patience=limit,
+    )
+    first = _first_readings(program, family, why)
+    observed = tuple(
+        StateVariable(
+            one.name,
+            one.unit,
+            starts[one.name][1] if one.name in program.settable else _SCALE * parse_unit(one.shown).factor,
+            one.formula,  # until `around`
+            starts[one.name][0] if one.name in program.settable else value,
+            "",
+            _difference(one.shown),
+        )
+        for one, value in zip(family.outputs, first, strict=True)
+    )
+    return check_family(around(program, replace(family, states=observed)))
+
+
+def _clause(why: RigctlError) -> str:
+    return why.what + (f": {why.value}" if why.value else "")
+
+
+def _sent(rates: UserFunction | None, readings: UserFunction) -> bytes:
+    import cloudpickle
+
+    try:
+        sent: bytes = cloudpickle.dumps((rates, readings))
+    except Exception as problem:  # whatever an object that the functions use refuses
+        raise RigctlError(
+            "the functions cannot be sent to the process that calls them with numbers",
+            value=f"{type(problem).__name__}: {problem}",
+            hint="Make what they use when they are called, or a part of their own module",
+        ) from problem
+    return sent
+
+
+def _first_readings(program: FunctionProgram, family: ModelFamily, why: RigctlError) -> list[float]:
+    """What the sensors read at the start, by which the functions are tried.
+
+    Raises
+    ------
+    RigctlError
+        a function fails with numbers as well as with symbols.
+    """
+    values = {one.name: one.value for one in family.parameters}
+    pool = Pool(program, 1)
+    try:
+        tried = pool.once(
+            Job(
+                "the start",
+                np.array([0.0, _FIRST]),
+                np.array([[one.value for one in family.inputs]]),
+                np.array([values[name] for name in program.parameters]),
+                np.full(len(program.outputs), np.nan),
             )
         )
-    )
+    finally:
+        pool.close()
+    if tried.reason:
+        raise RigctlError(tried.reason, hint=f"With symbols: {_clause(why)}")
+    return [float(value) for value in tried.values[0]]
 
 
 @dataclass(frozen=True)
@@ -159,19 +228,19 @@ class _Formula:
         )
         # Each state's rate is a formula of its own, so the function is called once per state, and one of its
         # values is taken; a common subexpression is one node of the graph all the same.
-        time = (_Time(),) if self.kind == "rate" else ()
+        time = (Time(),) if self.kind == "rate" else ()
         return _called(self.function, (*time, *variables), self.names, self.kind)[self.name]
 
 
 def _called(
     function: UserFunction, arguments: Sequence[object], names: Sequence[str], kind: str
 ) -> dict[str, Scalar]:
-    """What a user's function returns, by name: a mapping, a sequence in the order declared, or one value."""
-    called = getattr(function, "__name__", repr(function))
+    """What a user's function returns for symbols, by name."""
+    called = name_of(function)
     try:
         result = function(*arguments)
     except RigctlError as problem:
-        if problem.value == _TIME:  # the left operand has refused it first
+        if problem.value == repr(arguments[0]):  # the left operand has refused the time first
             arguments[0] + 0.0  # type: ignore[operator]
         raise
     except Exception as problem:  # a user's function may fail in any way
@@ -179,20 +248,7 @@ def _called(
             f"{called} fails when it is called with symbols: {type(problem).__name__}: {problem}",
             expected="arithmetic and numpy's smooth functions of states, inputs and parameters",
         ) from problem
-    if isinstance(result, Mapping):
-        found = dict(result)
-    elif isinstance(result, Expr | float | int):
-        found = dict.fromkeys(names[:1], result) if len(names) == 1 else {}
-    else:
-        values = list(result) if isinstance(result, Sequence) or hasattr(result, "__array__") else []
-        found = dict(zip(names, values, strict=True)) if len(values) == len(names) else {}
-    if set(found) != set(names):
-        raise RigctlError(
-            f"{called} does not return one {kind} for each of {', '.join(names)}",
-            value=repr(result),
-            expected=f"a dict with these keys, or {len(names)} values in this order",
-        )
-    return found
+    return by_name(called, result, names, kind)
 
 
 def _split(name: str, written: Declared, most: int, expected: str) -> tuple[Quantity, tuple[Any, ...]]:

@@ -25,7 +25,7 @@ from rigctl.analysis.decision_levels import ALPHA, QUANTILE
 from rigctl.analysis.fitting import noise_in
 from rigctl.analysis.fmu_rival.run import FmuOutputs, run_fmu
 from rigctl.errors import RigctlError
-from rigctl.fmu.process import PATIENCE
+from rigctl.foreign.process import PATIENCE
 from rigctl.json_values import finite_or_none
 from rigctl.model.fit.errors import ChannelError, channel_errors, whitened_residual
 from rigctl.model.fit.fit import FitResult

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from rigctl.errors import Location, RigctlError, nearest_name
 from rigctl.fmu.description import Description, read_description
-from rigctl.fmu.process import PATIENCE, FmuProcess
+from rigctl.fmu.process import FmuProcess
+from rigctl.foreign.process import PATIENCE
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem

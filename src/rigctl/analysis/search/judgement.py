@@ -95,9 +95,9 @@ class Judgement:
 
     @cached_property
     def edges(self) -> tuple[OnlyEdgesSearched, ...]:
-        """That effects were searched at the edges of an FMU alone, if the equations are in one."""
+        """That effects were searched at the edges of a program alone, if one computes the model."""
         program = self.search.before.fit.problem.model.family.program
-        return () if program is None else (OnlyEdgesSearched(program.path.name),)
+        return () if program is None else (OnlyEdgesSearched.of(program),)
 
     @property
     def shown(self) -> ModelComparison:

@@ -20,6 +20,7 @@ from rigctl.analysis.search.own_scale import ErrorLeft, TooLargeForSensor
 from rigctl.analysis.search.refit import RefittedSet
 from rigctl.analysis.search.remainder import Remainder
 from rigctl.effects.declaration import Effect
+from rigctl.foreign.program import Program
 from rigctl.model.fit.reached_bounds import ReachedBound
 
 
@@ -87,9 +88,22 @@ class TooMuchLeft:
 
 @dataclass(frozen=True)
 class OnlyEdgesSearched:
-    """The equations are in an FMU, `program`: an effect at its edges may describe a cause inside."""
+    """A program computes the model, and an effect at its edges may describe a cause inside.
+
+    Attributes
+    ----------
+    program: its name; `noun` what it is: "the FMU".
+    why: nothing is looked for inside it, in a clause; "" if that needs no reason.
+    """
 
     program: str
+    noun: str
+    why: str
+
+    @classmethod
+    def of(cls, program: Program) -> OnlyEdgesSearched:
+        """Of a model that `program` computes."""
+        return cls(program.name, program.noun, program.why)
 
 
 #: a reason against a set; the last ones are found by other modules, whose results say what there is to say

@@ -400,7 +400,7 @@ class RefittedSets:
         return min(self.describing(trials), key=self.mbic)
 
     def describing(self, trials: Iterable[RefittedSet]) -> list[RefittedSet]:
-        """The sets that may be the answer: for an FMU, those of which the data determine every size.
+        """The sets that may be the answer: for a program, those of which the data determine every size.
 
         What is missing is mostly inside it, and a threshold at its edge, which the data do not determine,
         imitates some of anything.

@@ -58,8 +58,8 @@ def reason_text(reason: Reason) -> str:
                 f"what it leaves, {_amount(left)}, is more than a different shape of so small an effect "
                 "accounts for"
             )
-        case OnlyEdgesSearched(program):
-            text = f"{edges_text(program)}: an effect there describes it, and the cause may be inside the FMU"
+        case OnlyEdgesSearched():
+            text = f"{edges_text(reason)}: an effect there describes it, and {inside_text(reason)}"
         case ErrorLeft(share, times):
             text = (
                 f"it leaves {100.0 * share:.0f} % of the error, {times:.2g} times the white "
@@ -107,9 +107,15 @@ def _of_several(reason: MayResemble | WantedElsewhere | OnlyConstants | MayImita
     return text
 
 
-def edges_text(program: str) -> str:
-    """Where effects on a model that consists of an FMU were looked for."""
-    return f"only effects at the inputs and outputs of {program} were searched"
+def edges_text(searched: OnlyEdgesSearched) -> str:
+    """Where effects on a model that a program computes were looked for, and why nowhere else."""
+    because = f", because {searched.why}" if searched.why else ""
+    return f"only effects at the inputs and outputs of {searched.program} were searched{because}"
+
+
+def inside_text(searched: OnlyEdgesSearched) -> str:
+    """Where the cause may be all the same."""
+    return f"the cause may be inside {searched.noun}"
 
 
 def not_predicted_text(effects: Sequence[str]) -> str:

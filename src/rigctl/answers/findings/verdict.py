@@ -29,11 +29,12 @@ from rigctl.analysis.conclusion import (
 )
 from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
-from rigctl.analysis.search.reasons import Reason
+from rigctl.analysis.search.reasons import OnlyEdgesSearched, Reason
 from rigctl.analysis.search.rivals import Rival
 from rigctl.answers.findings import agreement
 from rigctl.answers.findings.reasons import (
     edges_text,
+    inside_text,
     not_predicted_text,
     reason_text,
     reasons_text,
@@ -49,7 +50,7 @@ from rigctl.wording import chance_text, share_text, strength
 _CANNOT_TELL = "Something is missing, and these data cannot tell which effect it is"
 
 
-#: p-value below which what effects at the edges of an FMU leave is said in any case
+#: p-value below which what effects at the edges of a program leave is said in any case
 _CERTAINLY_LEFT = 1e-6
 
 
@@ -97,7 +98,8 @@ def _of(diagnosis: Diagnosis) -> Statement:
         return Statement(said.opening, text)
     if diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
         return said
-    unsearched = f"{_capitalised(edges_text(program.path.name))}, and the cause may be inside the FMU"
+    edges = OnlyEdgesSearched.of(program)
+    unsearched = f"{_capitalised(edges_text(edges))}, and {inside_text(edges)}"
     return Statement(f"{said.opening}. {unsearched}", f"{said.text}. {unsearched}")
 
 

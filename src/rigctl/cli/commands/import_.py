@@ -265,13 +265,36 @@ def _options(
 
 def _suggest_next(rig: Path | None, run: Path) -> None:
     """Show the next command on stderr: compare with a model of this bench, else show the run."""
-    from rigctl.command_line import analysis
+    from rigctl.command_line import DataOptions, analysis
 
     model = _model_of(rig)
     if rig is None and model is not None and not _predicts(model, run):
         model = None
-    command = "rigctl report latest" if model is None else analysis("compare", ["latest"], model)
+    command = "rigctl report latest"
+    if model is not None:
+        command = analysis("compare", ["latest"], model, DataOptions(family=_fmu_of(model, rig)))
     echo(f"Next: {command}", err=True)
+
+
+def _fmu_of(model: str, rig: Path | None) -> str | None:
+    """The FMU that the model's family file names, which only the command line lets run; None without one."""
+    from rigctl.model import load_model
+    from rigctl.printable import shown_path
+    from rigctl.project import find_project
+
+    path = find_project().root / model
+    families = [_named(_FAMILY, one) for one in (path, rig) if one is not None and one.is_file()]
+    if not any(name is not None and name.endswith((".yaml", ".yml")) for name in families):
+        return None  # a family of the library
+    try:
+        program = load_model(path).family.program
+    except RigctlError:  # the next command says what is wrong
+        return None
+    file = None if program is None or program.location is None else program.location.file
+    if not isinstance(file, Path):
+        return None
+    here = Path.cwd()
+    return shown_path(file.relative_to(here) if file.is_relative_to(here) else file)
 
 
 def _predicts(model: str, run: Path) -> bool:

@@ -23,7 +23,8 @@ def family_given(written: str) -> Iterator[None]:
     RigctlError
         the file is wrong or fails, or its family has a name that is taken.
     """
-    from rigctl.fmu.program import allow, digest
+    from rigctl.fmu.archive import digest
+    from rigctl.fmu.program import allow
     from rigctl.physics.families import FAMILIES, find_family, is_family_file, using_families
     from rigctl.physics.user.load import load_family
     from rigctl.physics.user.program import run_family_file

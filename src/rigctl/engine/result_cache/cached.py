@@ -28,6 +28,8 @@ _PACKAGES = (
     "engine",
     "expressions",
     "families",
+    "fmu",
+    "foreign",
     "model",
     "monitoring",
     "noise",

@@ -74,8 +74,11 @@ def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Expor
     """
     if path.suffix.lower() != ".fmu":
         raise RigctlError("unknown kind of file", value=path.name, expected="a name that ends in .fmu")
-    if model.family.program is not None:
-        raise RigctlError("the equations of this model are in an FMU already", value=model.family.source)
+    program = model.family.program
+    if program is not None:
+        raise RigctlError(
+            f"a model that {program.noun} computes already has no equations to export", value=program.name
+        )
     # the GUID is a hash of all that the library computes from, so that a simulator refuses a description with
     # another library; equal models have equal ones
     system = model.system()

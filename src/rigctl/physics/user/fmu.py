@@ -9,26 +9,23 @@ since nothing can be added to equations that are not visible.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from rigctl.engine.symbols import Expr, Scalar
-from rigctl.engine.system import rate_of
 from rigctl.errors import RigctlError
 from rigctl.files.name import Name as BenchName
 from rigctl.files.quantity import AnyQuantity, in_dimension
 from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document
+from rigctl.fmu.archive import digest
 from rigctl.fmu.description import Description, Port, read_description
-from rigctl.fmu.program import Program, digest
-from rigctl.physics.derived_slots import per_second, with_edge_slots
+from rigctl.fmu.program import FmuProgram
+from rigctl.physics.derived_slots import around
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.scope import Scope
 from rigctl.physics.user.declare import declare
 from rigctl.physics.user.schema import (
     FamilyFile,
@@ -96,30 +93,6 @@ class FmuFamilyFile(_Part):
     outputs: dict[BenchName, FmuOutput] = Field(min_length=1, description="what sensors read")
 
 
-@dataclass(frozen=True)
-class _Itself:
-    """The reading of an output is the output."""
-
-    name: str
-
-    def __call__(self, m: Scope) -> Scalar:
-        return m[self.name]
-
-
-@dataclass(frozen=True)
-class _Rate:
-    """The rate of an FMU's output: a variable that only a simulation knows; 0 in plain numbers."""
-
-    name: str
-    unit: str
-
-    def __call__(self, m: Scope) -> Scalar:
-        value = m[self.name]
-        if isinstance(value, Expr):
-            return value.graph.variable(rate_of(self.name), parse_unit(per_second(self.unit)).dimension)
-        return 0.0
-
-
 def fmu_family(document: Document, taken: Iterable[str]) -> ModelFamily:
     """The family of a file that names an FMU.
 
@@ -143,17 +116,10 @@ def fmu_family(document: Document, taken: Iterable[str]) -> ModelFamily:
     # rates and outputs are replaced afterwards.
     family = declare(reader, _as_equations(written, about, program))
     reader.stop_at_errors()
-    return with_edge_slots(
-        replace(
-            family,
-            states=tuple(replace(one, rate=_Rate(one.name, one.unit)) for one in family.states),
-            outputs=tuple(replace(one, formula=_Itself(one.name)) for one in family.outputs),
-            program=program,
-        )
-    )
+    return around(program, family)
 
 
-def _connected(reader: Reader, written: FmuFamilyFile, about: Description) -> Program:
+def _connected(reader: Reader, written: FmuFamilyFile, about: Description) -> FmuProgram:
     """The FMU with the variables that the file names; what is wrong is reported to `reader`."""
     given: dict[str, dict[str, Port]] = {"inputs": {}, "parameters": {}, "outputs": {}}
     starts: dict[str, Port | None] = {}
@@ -172,10 +138,10 @@ def _connected(reader: Reader, written: FmuFamilyFile, about: Description) -> Pr
     for name, output in written.outputs.items():
         starts[name] = reader.read(("outputs", name, "start_variable"), partial(_start, about, name, output))
     sizes = {name: _size(one) for name, one in written.parameters.items()}
-    return Program(about.path, digest(about.path), about.kind, **given, sizes=sizes, starts=starts)
+    return FmuProgram(about.path, digest(about.path), about.kind, **given, sizes=sizes, starts=starts)
 
 
-def _as_equations(written: FmuFamilyFile, about: Description, program: Program) -> FamilyFile:
+def _as_equations(written: FmuFamilyFile, about: Description, program: FmuProgram) -> FamilyFile:
     """The same family, as if its equations were in the file."""
     inputs = {
         name: InputField.model_construct(**{**dict(one), "delay": None})

@@ -1,22 +1,19 @@
-"""The processes that simulate the FMU of a model: one for each core, which stay for the whole command.
+"""The processes that simulate the program of a model: one for each core, which stay for the whole command.
 
-In: jobs, one simulation of one record with one set of parameters each. Out: their outputs, in order. An FMU
-gives no derivatives, so a fit takes differences: each of its steps simulates every record once for every
-free parameter. Each process imports and loads the FMU once, hence processes that stay; and differences of an
-FMU that is not deterministic would be noise, hence the check of the first job.
+In: jobs, one simulation of one record with one set of parameters each. Out: their outputs, in order. A
+program gives no derivatives, so a fit takes differences: each of its steps simulates every record once for
+every free parameter. Each process imports and loads the program once, hence processes that stay; and
+differences of a program that is not deterministic would be noise, hence the check of the first job.
 """
 
 from __future__ import annotations
 
 import atexit
 import os
-import shutil
-import tempfile
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from pathlib import Path
 from queue import SimpleQueue
 from time import perf_counter
 from typing import Final
@@ -24,10 +21,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.errors import ExitCode, Location, RigctlError
-from rigctl.files.regular import read_bytes
-from rigctl.fmu.process import PATIENCE, FmuProcess
-from rigctl.fmu.program import Program, digest, require_allowed
+from rigctl.errors import ExitCode, RigctlError
+from rigctl.foreign.process import ProgramProcess
+from rigctl.foreign.program import Program
 
 Floats = NDArray[np.float64]
 
@@ -71,24 +67,17 @@ class Pool:
     Parameters
     ----------
     workers: number of processes.
-    patience: longest time of one simulation, s.
+    patience: longest time of one simulation, s; by default the program's own.
     """
 
-    def __init__(self, program: Program, workers: int, patience: float = PATIENCE) -> None:
-        require_allowed(program)
+    def __init__(self, program: Program, workers: int, patience: float | None = None) -> None:
+        program.require_allowed()
         self._program, self._workers, self._patience = program, workers, patience
-        self._folder = Path(tempfile.mkdtemp(prefix="rigctl-fmu-"))
-        self._fmu = self._folder / program.path.name
-        # a private copy, so that what runs is what was allowed
-        self._fmu.write_bytes(read_bytes(program.path))
-        if digest(self._fmu) != program.sha256:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            raise RigctlError("the FMU has changed meanwhile", where=Location(program.path))
-        self._settable = [k for k, port in enumerate(program.starts.values()) if port is not None]
-        self._idle: SimpleQueue[FmuProcess | None] = SimpleQueue()
+        self._settable = [k for k, name in enumerate(program.outputs) if name in program.settable]
+        self._idle: SimpleQueue[ProgramProcess | None] = SimpleQueue()
         for _ in range(workers):
             self._idle.put(None)
-        self._started: list[FmuProcess] = []
+        self._started: list[ProgramProcess] = []
         self._threads = ThreadPoolExecutor(workers)
         self._steady = False
         atexit.register(self.close)
@@ -99,8 +88,8 @@ class Pool:
         Raises
         ------
         RigctlError
-            the FMU crashes, hangs or does not start, all simulations would take hours, or the first one has
-            another result when it is repeated.
+            the program crashes, hangs or does not start, all simulations would take hours, or the first one
+            has another result when it is repeated.
         """
         if not jobs:
             return []
@@ -121,12 +110,11 @@ class Pool:
             raise
 
     def close(self) -> None:
-        """End the processes, and remove what was unpacked."""
+        """End the processes."""
         self._threads.shutdown(wait=False, cancel_futures=True)
         for one in self._started:
             one.__exit__(None, None, None)
         self._started.clear()
-        shutil.rmtree(self._folder, ignore_errors=True)
         atexit.unregister(self.close)
         _forget(self)
 
@@ -145,42 +133,48 @@ class Pool:
         finally:
             self._idle.put(process)
 
-    def _result(self, process: FmuProcess, job: Job) -> Simulated:
+    def _result(self, process: ProgramProcess, job: Job) -> Simulated:
         reason, rows = process.result(f"the simulation of {job.name}{_with(self._program, job)}")
         if reason:
-            reason = f"{self._program.path.name} failed at {reason}{_with(self._program, job)}"
+            reason = f"{self._program.name} failed at {reason}{_with(self._program, job)}"
         return Simulated(rows, reason)
 
-    def _new(self) -> FmuProcess:
-        program = self._program
-        process = FmuProcess(
-            self._fmu,
-            program.kind,
-            list(program.inputs.values()),
-            list(program.outputs.values()),
-            [*program.parameters.values(), *(one for one in program.starts.values() if one is not None)],
-            patience=self._patience,
-            named=program.path,
-        )
+    def _new(self) -> ProgramProcess:
+        process = self._program.process(self._patience)
         process.__enter__()
         self._started.append(process)
         return process
 
+    def once(self, job: Job) -> Simulated:
+        """The result of a first job, on which the others do not depend.
+
+        Raises
+        ------
+        RigctlError
+            the program refuses it, crashes, hangs or does not start.
+        """
+        try:
+            return self._each([job])[0]
+        except BaseException:
+            self.close()
+            raise
+
     def _twice(self, job: Job) -> Simulated:
         """The result of a job, which is done twice by one process.
 
-        An FMU that remembers other simulations, or has noise, would have arbitrary derivatives.
+        A program that remembers other simulations, or has noise, would have arbitrary derivatives.
 
         Raises
         ------
         RigctlError
             the results differ.
         """
+        program = self._program
         first, again = self._each([job, job])
         if not np.array_equal(first.values, again.values, equal_nan=True):
             raise RigctlError(
-                f"the FMU gives two results for one simulation of {job.name}",
-                where=Location(self._program.path),
+                f"there are two results for one simulation of {job.name} by {program.noun}",
+                where=program.location,
                 expected="the same, as a model without noise or memory of another simulation does",
                 exit_code=ExitCode.FAILED,
             )
@@ -200,8 +194,8 @@ class Pool:
             raise RigctlError(
                 f"one simulation of a record takes {seconds:.3g} s, and one step of a fit needs {count} of "
                 f"them: {expected / 3600.0:.1f} h",
-                where=Location(self._program.path),
-                hint="Use fewer records ('--only'), fewer free parameters, or a faster FMU",
+                where=self._program.location,
+                hint="Use fewer records ('--only') or fewer free parameters, or make it faster",
             )
 
 
@@ -222,7 +216,7 @@ def pool_of(program: Program) -> Pool:
     Raises
     ------
     RigctlError
-        the user has not named the FMU, or it has changed.
+        the user has not asked for it to be run.
     """
     with _opening:
         key = os.getpid(), repr(program)  # a forked process has none of its parent's

@@ -1,0 +1,205 @@
+"""Models whose Python functions take no symbols: the answers of those that do, from their edges alone."""
+
+from __future__ import annotations
+
+import math
+import re
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import rigctl
+from rigctl.physics.family import ModelFamily
+from rigctl.physics.python_functions import family_from_functions
+
+RIG = """
+name: motor
+channels:
+  speed: {unit: rad/s, quantity: angular_speed, noise: 0.3 rad/s}
+actuators:
+  voltage: {kind: level, unit: V, low: -24 V, high: 24 V}
+safe_state: {voltage: 0 V}
+"""
+DECLARED: dict[str, Any] = {
+    "states": {"speed": ("0 rad/s", "0.1 rad/s")},
+    "inputs": {"voltage": "0 V"},
+    "parameters": {
+        "gain": ("15 rad/(V*s)", "1 rad/(V*s)", "100 rad/(V*s)"),
+        "lag": ("0.15 s", "0.01 s", "2 s"),
+        "poles": "2",
+    },
+    "outputs": {"speed": "rad/s"},
+}
+VOLTAGES = (3.0, 6.0, -9.0, 12.0)
+#: a look-up table that happens to be a straight line
+TABLE = CubicSpline([-24.0, -5.0, 8.0, 24.0], [-24.0, -5.0, 8.0, 24.0])
+
+
+def in_symbols(t: Any, x: Any, u: Any, p: Any) -> Any:
+    return {"speed": (p.gain * u.voltage * p.poles / 2.0 - x.speed) / p.lag}
+
+
+def by_a_table(t: Any, x: Any, u: Any, p: Any) -> Any:
+    loss = x.speed if x.speed >= 0.0 else -abs(x.speed)
+    return [(p.gain * TABLE(u["voltage"]) * int(p.poles) / 2.0 - loss) / p.lag]
+
+
+def readings(x: Any, u: Any, p: Any) -> Any:
+    (speed,) = x
+    return speed
+
+
+def made(rates: Callable[..., Any], folder: Path, **changes: Any) -> rigctl.Model:
+    (folder / "rig.yaml").write_text(RIG, encoding="utf-8")
+    given = {**DECLARED, **changes}
+    return rigctl.Model.from_function(rates, readings, rig=folder / "rig.yaml", name="motor", **given)
+
+
+def measured(folder: Path, offset: float = 0.0) -> rigctl.Run:
+    """The closed form of a motor with 20 rad/(V·s) and 0.1 s."""
+    rng = np.random.default_rng(3)
+    times = np.arange(40) * 0.01
+    rows = ["time [s],record,voltage [V],speed [rad/s]"]
+    for record, volts in enumerate(VOLTAGES, start=1):
+        speed = 20.0 * volts * (1.0 - np.exp(-times / 0.1)) + offset + 0.3 * rng.standard_normal(times.size)
+        rows += [f"{t:.2f},{record},{volts},{w:.6f}" for t, w in zip(times, speed, strict=True)]
+    (folder / "rig.yaml").write_text(RIG, encoding="utf-8")
+    (folder / "log.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return rigctl.open_run(
+        rigctl.import_file(folder / "log.csv", rigctl.load_rig(folder / "rig.yaml"), folder / "runs").path
+    )
+
+
+def test_they_are_fitted_as_with_symbols(tmp_path: Path) -> None:
+    run = measured(tmp_path)
+    model = made(by_a_table, tmp_path)
+    assert "called with numbers: they take no symbols (an equation may not branch" in repr(model)
+    found, expected = (rigctl.compare([run], [one]).models[0] for one in (model, made(in_symbols, tmp_path)))
+    assert found.adequate
+    assert expected.adequate
+    for name in ("gain", "lag"):
+        std = expected.fit.std[name]
+        assert found.fit.model.values[name] == pytest.approx(expected.fit.model.values[name], abs=0.1 * std)
+        assert found.fit.std[name] == pytest.approx(std, rel=0.05)
+
+
+def test_an_effect_at_an_edge_is_found_and_the_answer_says_what_was_searched(tmp_path: Path) -> None:
+    found = rigctl.diagnose([measured(tmp_path, offset=4.0)], made(by_a_table, tmp_path), most=1)
+    assert (found.verdict, found.effects) == ("ambiguous", ("offset_of_speed",)), found.statement
+    size = found.ranking[0].parameters["size"]
+    assert size.value == pytest.approx(4.0, abs=3.0 * size.std)
+    said = " ".join(str(found.summary()).split())
+    assert (
+        "nly effects at the inputs and outputs of motor were searched, because they take no symbols" in said
+    )
+    assert "the cause may be inside the functions" in said
+    assert not any(one.place_sure for one in found.levels)
+
+
+def stepped(t: Any, x: Any, u: Any, p: Any) -> Any:
+    return {"speed": (20.0 * u.voltage * round(p.gain) / 15.0 - x.speed) / p.lag}
+
+
+def test_a_parameter_without_a_derivative_is_named(tmp_path: Path) -> None:
+    with pytest.raises(rigctl.RigctlError, match="no derivative by gain: small changes of it change nothing"):
+        rigctl.compare([measured(tmp_path)], [made(stepped, tmp_path)])
+
+
+_CALLS: list[float] = []
+
+
+def remembering(t: Any, x: Any, u: Any, p: Any) -> Any:
+    _CALLS.append(float(x.speed))
+    return {"speed": len(_CALLS) - x.speed / p.lag}
+
+
+def failing_later(t: Any, x: Any, u: Any, p: Any) -> Any:
+    return {"speed": (15.0 * u.voltage + 0.0 * math.sqrt(40.0 - x.speed) - x.speed) / p.lag}
+
+
+@pytest.mark.parametrize(
+    ("rates", "message"),
+    [
+        (remembering, "two results for one simulation of .* by the functions"),
+        (
+            failing_later,
+            r"motor failed at 0\.\d+ s: failing_later fails: ValueError: .*, in line \d+ of failing",
+        ),
+    ],
+)
+def test_what_shows_in_a_simulation_ends_it_with_one_message(
+    tmp_path: Path, rates: Callable[..., Any], message: str
+) -> None:
+    with pytest.raises(rigctl.RigctlError, match=message):
+        rigctl.compare([measured(tmp_path)], [made(rates, tmp_path)])
+
+
+def family(rates: Callable[..., Any]) -> ModelFamily:
+    return family_from_functions("motor", rates, readings, **DECLARED, time_limit=2.0)
+
+
+def returning(value: object) -> Callable[..., Any]:
+    """Rates that take no symbols, and return this at rest."""
+
+    def rates(t: Any, x: Any, u: Any, p: Any) -> Any:
+        return value if x.speed == 0.0 else {"speed": -x.speed}
+
+    return rates
+
+
+def endless(t: Any, x: Any, u: Any, p: Any) -> Any:
+    while x.speed < 1.0:
+        pass
+
+
+def dividing(t: Any, x: Any, u: Any, p: Any) -> Any:
+    return {"speed": 1.0 / float(x.speed)}
+
+
+def of_the_time(t: Any, x: Any, u: Any, p: Any) -> Any:
+    return {"speed": math.sin(t) * float(x.speed)}
+
+
+def misspelt(t: Any, x: Any, u: Any, p: Any) -> Any:
+    return {"speed": -float(x.speed) / p.lagg}
+
+
+@pytest.mark.parametrize(
+    ("rates", "message"),
+    [
+        (returning(None), "rates does not return one rate for each of speed.*None"),
+        (returning("fast"), "rates does not return one rate for each of speed.*fast"),
+        (returning([1.0, 2.0]), "rates does not return one rate for each of speed"),
+        (returning({"speed": "fast"}), "rates returns no number as the rate of speed.*fast"),
+        (returning({"speed": 1j}), "rates returns no number as the rate of speed.*1j"),
+        (returning(np.ones((1, 2))), "rates returns no number as the rate of speed"),
+        (returning(math.nan), "0 s: rates returns nan as the rate of speed"),
+        (dividing, r"0 s: dividing fails: ZeroDivisionError: .*, in line \d+ of dividing"),
+        (endless, "the functions have not finished the simulation of the start .* in 2 s"),
+        (of_the_time, "may not depend on the time itself"),
+        (misspelt, "did you mean 'lag'"),
+    ],
+)
+def test_functions_that_fail_with_numbers_too_are_refused_when_the_model_is_made(
+    rates: Callable[..., Any], message: str
+) -> None:
+    with pytest.raises(rigctl.RigctlError, match=re.compile(message, re.DOTALL)):
+        family(rates)
+
+
+def test_functions_that_cannot_be_sent_to_another_process_are_refused() -> None:
+    lock = threading.Lock()
+
+    def rates(t: Any, x: Any, u: Any, p: Any) -> Any:
+        with lock:
+            return {"speed": -float(x.speed)}
+
+    with pytest.raises(
+        rigctl.RigctlError, match="cannot be sent to the process that calls them with numbers"
+    ):
+        family(rates)
