@@ -177,7 +177,7 @@ def _course(
     failed: _FailedError | None = None
     for share in _LONGEST:
         try:
-            found, how = odeint(  # type: ignore[call-overload] - SciPy takes a tolerance for each state
+            found, how = odeint(  # type: ignore[call-overload]  # its stubs know one tolerance
                 rates,
                 state,
                 points,
