@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
+import shutil
 import subprocess
 import tomllib
 from pathlib import Path
+
+import pytest
 
 from rigctl.effects import library
 
@@ -55,6 +59,7 @@ def defined(path: Path) -> set[str]:
     return names
 
 
+@pytest.mark.skipif(os.name == "nt" and shutil.which("git") is None, reason="Git is not installed there")
 def test_no_file_of_the_source_is_left_out_of_the_repository() -> None:
     """Templates in a new folder were ignored like written pages, and no page could be made."""
     built = ("__pycache__", "shipped")

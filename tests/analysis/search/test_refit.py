@@ -76,8 +76,9 @@ def test_parameters_that_had_compensated_for_an_effect_do_not_trap_its_refit() -
     both = refit(before.fit, [candidate(DRIFT), candidate(DRY, presliding=100e-6)], single.fit)
     assert both is not None
     lowest = next(one.lower for one in both.fit.problem.shared if one.name == VOLUME)
-    assert value_of(single.fit, VOLUME) < 3.0 * lowest  # where in its flat valley depends on the processor
-    assert value_of(both.fit, VOLUME) > 10.0 * lowest
+    # where in their flat valleys depends on the processor, and on the C library: 30 cm³ with that of Windows
+    assert value_of(single.fit, VOLUME) < 3.0 * lowest
+    assert value_of(both.fit, VOLUME) > 4.0 * lowest
     trapped = [
         replace(one, start=lowest if one.name == VOLUME else one.start) for one in both.fit.problem.shared
     ]

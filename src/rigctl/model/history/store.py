@@ -193,8 +193,9 @@ def _read(head: Path, file: Path) -> Version:
         ) from problem
     except (ValueError, LookupError, TypeError, AttributeError) as problem:
         raise RigctlError("this tells of no version of a model", where=Location(file)) from problem
-    # ``m.yaml`` and ``m.yml`` would share a folder
-    if owner != head.name and (head.parent / owner).exists():
+    other = head.parent / owner
+    # ``m.yaml`` and ``m.yml`` would share a folder; on Windows it may be the same file, named in another case
+    if owner != head.name and other.exists() and not (head.exists() and other.samefile(head)):
         raise RigctlError(
             f"these are the versions of {owner}, which differs only in its ending",
             where=Location(file.parent),
