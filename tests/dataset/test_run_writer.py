@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -133,6 +134,18 @@ def test_the_journal_is_synced_to_disk_between_records_and_at_their_end(
     assert len(synced) == 2
     measure_strokes(writer)
     assert len(synced) == 2
+    writer.close("finished")
+
+
+def test_both_files_of_a_run_are_synced_to_disk_at_its_end(
+    writer: RunWriter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a power failure a moment later must not lose."""
+    files = {writer._journal._file.fileno(): "journal", writer._log._file.fileno(): "log"}
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(files.get(descriptor)))
+    writer.flush(sync=True)
+    assert synced == ["journal", "log"]
     writer.close("finished")
 
 

@@ -263,7 +263,7 @@ class _Session:
         try:
             self._backend.close()
         except Exception as error:  # noqa: BLE001 - the data have to be closed whatever happens to the bench
-            self._bench.event("fault", f"the bench could not be let go: {error or repr(error)}")
+            self._bench.event("fault", f"the bench could not be let go: {str(error) or repr(error)}")
         self._message = reason or ""
         self._lifecycle.send(event)
         try:

@@ -95,7 +95,7 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
     by_run = SwitchedOff("; ".join(ended), True, "the run that has the bench has made it safe", tuple(ended))
     # 4. The run that has all addresses has confirmed: its word is as good as a reading from here, and
     #   earlier.
-    if at_address is not None and at_address in safe:
+    if at_address in safe:
         return by_run
     try:
         # 5. Otherwise from here, with the lock taken from whoever has it.
@@ -169,10 +169,9 @@ def _in_progress(rig: Rig, how: Access) -> list[Path]:
             continue
         with suppress(RigctlError):
             info = read_info(folder)
-            rig_entry, backend = info.get("rig"), info.get("backend")
-            known = backend if isinstance(backend, dict) else {}
+            known = info.get("backend", {})
             ports = {name: known.get(f"{name}.port" if name else "port") for name in addresses}
-            if not (isinstance(rig_entry, dict) and rig_entry.get("name") == rig.name):
+            if info["rig"]["name"] != rig.name:
                 continue
             if not addresses or any(
                 not isinstance(port, str) or addresses[name].same_place(port) for name, port in ports.items()

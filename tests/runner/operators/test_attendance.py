@@ -82,6 +82,15 @@ def test_the_bound_is_that_of_the_rig_file(workshop: Workshop) -> None:
     assert "nobody was there for 30 s" in (done.result.reason or "")
 
 
+def test_a_short_bound_is_told_at_its_half(workshop: Workshop) -> None:
+    done = carried_out(workshop, HEATER_ON, Person((0.0, float("inf"))), rig=bound_of(workshop, "6 s"))
+    (began, _), (switched_off, _) = done.commands("heater")
+    assert switched_off - began == pytest.approx(6.0, abs=0.3)
+    ((noticed, text),) = said(done)
+    assert noticed - began == pytest.approx(3.0, abs=0.3)
+    assert "the run ends in 3 s unless somebody returns" in text
+
+
 def test_somebody_who_returns_in_time_has_the_whole_time_again(workshop: Workshop) -> None:
     person = Person((10.0, 39.0), (45.0, 74.0), answers_at=200.0)
     done = carried_out(workshop, HEATER_ON, person, rig=bound_of(workshop))

@@ -34,7 +34,6 @@ from rigctl.dataset.recording.writer_lock import lock_folder
 
 #: version of the format of a run's folder
 FORMAT: Final = 2
-FINISHED: Final = "finished"
 #: files with a checksum in run.json; annotations.jsonl only if it exists
 CHECKED: Final = (samples_file.NAME, records_file.RECORDS, records_file.EVENTS, log.NAME, ANNOTATIONS)
 
@@ -80,7 +79,7 @@ def finalise(folder: Path) -> dict[str, Any]:
     ]
     lost = facts.losses[number].rows if number in facts.losses else 0
     info = {**_summary(history, facts, missing), "annotations": as_data(annotations), "files": files}
-    if history.status == FINISHED and info["reason"] is None:
+    if info["reason"] is None:
         info["reason"] = _damage(cut_short, max(missing, lost) if cut_short else lost, history.damaged_lines)
     # 4. From here on the run counts as closed.
     run_json.write_info(folder, info)

@@ -73,7 +73,7 @@ class JournalWriter:
         self._file = path.open("x+b", buffering=0)
         self._whole = 0  # bytes of complete frames in the file
         self._frames = self._rows = 0
-        first = json.dumps({**facts, "columns": list(columns)}, ensure_ascii=False).encode("utf-8", "replace")
+        first = json.dumps({**facts, "columns": list(columns)}).encode("utf-8")
         self._write(MAGIC, _frame_header(0, 0, first), first)
 
     @property
@@ -181,7 +181,6 @@ def whole_content(file: Any) -> bytes | None:
     try:
         file.seek(0)
         content: bytes = file.read()
-        file.seek(0, os.SEEK_END)
     except OSError:
         return None
     return content
@@ -218,7 +217,7 @@ class Journal:
     frames: tuple[Frame, ...]
     lost_bytes: int
 
-    def blocks(self, width: int, rows: int = 1 << 17) -> Iterator[NDArray[np.float64]]:
+    def blocks(self, width: int, rows: int) -> Iterator[NDArray[np.float64]]:
         """Yield the rows in order, as arrays of shape (`rows`, `width`); the last may be shorter.
 
         The division depends only on the number of rows, not on when they were flushed.
@@ -270,7 +269,7 @@ class JournalReader:
         self._path = path
         self._most = most
         self._file: BinaryIO | None = None
-        self._at = 0
+        self._at: int  # of the next frame, in the open file
         self.facts: dict[str, Any] | None = None  #: the first frame; None until there is one
 
     def poll(self, most: int = 1 << 21) -> list[bytes]:
@@ -322,17 +321,15 @@ class JournalReader:
     def _next(self) -> bytes | None:
         file = self._file
         assert file is not None  # noqa: S101 - it was opened just now
-        frame, payload = _read_frame(file, self._at)
-        if frame is None:
+        at, size = self._at, os.fstat(file.fileno()).st_size
+        frame, payload = _read_frame(file, at)
+        while frame is None:
             # Damage, or the end of what has been written so far? Only a later marker tells: the writer
             # appends in order.
-            size = os.fstat(file.fileno()).st_size
-            after = _next_marker(file, self._at + 1, size)
-            if after >= size:
+            at = _next_marker(file, at + 1, size)
+            if at >= size:
                 return None  # still being written
-            frame, payload = _read_frame(file, after)
-            if frame is None:
-                return None
+            frame, payload = _read_frame(file, at)
         self._at = frame.start + frame.length
         return payload
 
@@ -386,7 +383,7 @@ def _scan_first_format(path: Path, file: BinaryIO, size: int) -> Journal:
     facts, frames, rows, at = None, list[Frame](), 0, len(_FIRST_MAGIC)
     while len(head := file.read(_FIRST_HEADER.size)) == _FIRST_HEADER.size:
         length, checksum = _FIRST_HEADER.unpack(head)
-        payload = file.read(length) if 0 < length <= _MAX_FRAME_BYTES else b""
+        payload = file.read(length) if length <= _MAX_FRAME_BYTES else b""
         if not payload or len(payload) != length or zlib.crc32(payload) != checksum:
             break
         if facts is None:
@@ -402,7 +399,7 @@ def _read_frame(file: BinaryIO, at: int) -> tuple[Frame | None, bytes]:
     """Return the frame that begins at a byte of the file; None without a complete, intact frame."""
     file.seek(at)
     head = file.read(_HEADER_BYTES)
-    if len(head) < _HEADER_BYTES or not head.startswith(_MARKER):
+    if len(head) < _HEADER_BYTES:
         return None, b""
     (header_checksum,) = _CHECKSUM.unpack(head[_HEADER.size :])
     if zlib.crc32(head[: _HEADER.size]) != header_checksum:
@@ -418,13 +415,12 @@ def _read_frame(file: BinaryIO, at: int) -> tuple[Frame | None, bytes]:
 
 def _next_marker(file: BinaryIO, at: int, size: int) -> int:
     """Return the position of the next marker from a byte of the file on; the file's end if there is none."""
-    while at < size:
+    while True:
         file.seek(at)
         part = file.read(_FRAME_BYTES)
         offset = part.find(_MARKER)
         if offset >= 0:
             return at + offset
         if len(part) < _FRAME_BYTES:
-            break
+            return size
         at += len(part) - len(_MARKER) + 1  # a marker may span two parts
-    return size

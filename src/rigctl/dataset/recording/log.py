@@ -143,7 +143,7 @@ def read_lines(path: Path) -> list[dict[str, Any] | None]:
         raise RigctlError(
             f"cannot read the file: {problem.strerror}", where=Location(path), exit_code=ExitCode.FAILED
         ) from problem
-    lines = content[: content.rfind(b"\n") + 1].split(b"\n")[:-1]
+    lines = content.split(b"\n")[:-1]  # after the last one is what a kill has truncated
     # Otherwise a damaged checksum would make its line look like one of an earlier version, and be believed.
     first = next((index for index, line in enumerate(lines) if _CRC.search(line)), len(lines))
     return [_read_line(line, protected=index >= first) for index, line in enumerate(lines)]
@@ -167,10 +167,8 @@ class LogReader:
         """Return the complete lines added since the last call; damaged ones are skipped."""
         try:
             with open(self._path, "rb", opener=regular) as file:
-                if self._at is None:
+                if self._at is None:  # it may be inside a line, the rest of which counts as damaged
                     self._at = max(file.seek(0, os.SEEK_END) - self._most, 0)
-                    file.seek(self._at)
-                    self._at += len(file.readline()) if self._at else 0  # the start may be inside a line
                 file.seek(self._at)
                 content = file.read(4 * self._most)
         except OSError:
