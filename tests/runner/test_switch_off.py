@@ -390,6 +390,17 @@ def test_runs_in_progress_on_a_bench_of_this_name_are_asked(
     assert scene.asked == [run.name] * asked
 
 
+def test_the_rig_file_s_own_port_is_no_other_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With or without `--port`: a run that was given another one is asked as well."""
+    text = TCLAB.replace("backend:\n", f"backend:\n  port: {PORT}\n", 1)
+    scene = make(tmp_path, monkeypatch, parse_rig(text))
+    run = scene.run("heat", answers="ending", backend={"port": "socket://10.0.0.7:5000"})
+    for options in ({}, {"port": PORT}):
+        scene.options = dict(options)
+        assert scene.off().confirmed
+    assert scene.asked == [run.name] * 2
+
+
 @pytest.mark.parametrize(
     ("backend", "asked"),
     [
