@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import chdir
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from click.testing import Result
 
 from commands import answer, call, refusal
 from patience import unhurried
+from protocol_servers import OpcUaServer
 from rigctl.backends.combined import bench as combined
 from rigctl.dataset import Run, open_run
 from rigctl.errors import ExitCode
@@ -500,6 +502,64 @@ def test_a_stranger_in_the_place_of_a_device_that_nothing_needs_is_told_once(
     assert not server.to_stranger
     (absence,) = measured().info["absences"]
     assert (absence["device"], absence["end"]) == ("meter", None)
+    assert devices.circuit.off
+
+
+RECORDED = """\
+procedure: recorded
+rig: rig.yaml
+steps:
+  - set: {heater: on, cooler: on, relief_valve: 30 bar}
+  - record: {name: r, rate: 10 Hz}
+    do: [wait: 5 s]
+"""
+
+
+@pytest.mark.parametrize("jump", [3600.0, -3600.0])
+def test_a_device_whose_clock_jumps_is_recorded_at_the_times_of_the_host(
+    jump: float, devices: SeveralDevices, project: Path
+) -> None:
+    """Its server and its sources agree with one another: values are as new as before."""
+    (project / "recorded.yaml").write_text(RECORDED, encoding="utf-8")
+    plant = devices.servers["plant"]
+    assert isinstance(plant, OpcUaServer)
+    try:
+        with Meanwhile(lambda: all_on(devices), lambda: setattr(plant, "skew", jump)):
+            done = run(devices, "recorded.yaml")
+    finally:
+        plant.skew = 0.0
+    assert json.loads(done.stdout)["status"] == "finished", done.output
+    record = measured().record(0)
+    present = np.isfinite(record.channels["supply_pressure"])
+    assert np.all(np.diff(record.time) >= 0.0)
+    assert record.time[present][-1] - record.time[present][0] == pytest.approx(5.0, abs=1.0)
+    assert record.outcome == "complete"
+    assert devices.circuit.off
+
+
+@pytest.mark.parametrize("jump", [3600.0, -3600.0])
+def test_sources_whose_clock_alone_jumps_have_no_value_and_the_run_ends_with_one_message(
+    jump: float, devices: SeveralDevices, project: Path
+) -> None:
+    """Nobody knows then how old a value is."""
+    write_rig(project, ("stale_after: 60 s", "stale_after: 4 s"))
+    plant = devices.servers["plant"]
+    assert isinstance(plant, OpcUaServer)
+
+    def leap() -> None:
+        plant.frozen = datetime.now(UTC) + timedelta(seconds=jump)
+
+    try:
+        with Meanwhile(lambda: all_on(devices), leap):
+            done = run(devices, "endless.yaml")
+    finally:
+        plant.frozen = None
+    document = json.loads(done.stdout)
+    assert done.exit_code == ExitCode.FAILED
+    assert "supply_pressure gives no value" in document["reason"]
+    assert document["unconfirmed"] is None
+    events = measured().events
+    assert events["message"][events["kind"] == "alarm"].str.contains("gives no value").sum() == 1
     assert devices.circuit.off
 
 
