@@ -155,7 +155,7 @@ def _rows() -> int:
 
 def test_the_page_is_opened_in_the_user_s_browser(tmp_path: Path) -> None:
     """The browser is a program that copies the page it is given, and the page leads to the address."""
-    project, copy = tmp_path / "bench", tmp_path / "copy.py"
+    project, copy = tmp_path / "bench", tmp_path / "shows.py"
     create_project(project)
     copy.write_text(
         "import sys, urllib.request as web\n"
