@@ -17,6 +17,7 @@ from rigctl.dataset.recording.writer_lock import try_lock
 from rigctl.dataset.storage.store import StoredFolder
 from rigctl.errors import RigctlError
 from rigctl.files.regular import regular
+from rigctl.wording import noun, number_of
 
 
 class Condition(Enum):
@@ -99,17 +100,18 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
                 messages.append(f"what stood there is kept as {backup.name}")
         facts = finalise(folder)
     messages.append(
-        f"{facts['rows']} samples and {facts['complete_records']} of {facts['records']} records are complete"
+        f"{number_of(facts['rows'], 'sample')} and {facts['complete_records']} of {facts['records']} records "
+        "are complete"
     )
     if facts["lost_bytes"]:
         messages.append(
             f"{facts['lost_bytes']} bytes of the journal are damaged and lost; the journal is kept as it is, "
             f"as {journal.NAME}.damaged-…"
         )
-    if facts["lost_rows"]:
+    if lost := facts["lost_rows"]:
         messages.append(
-            f"at least {facts['lost_rows']} samples are lost; records that miss some are 'damaged', and the "
-            f"journal is kept"
+            f"at least {number_of(lost, 'sample')} {noun(lost, 'is', 'are')} lost; "
+            "records that miss some are 'damaged', and the journal is kept"
         )
     if facts["damaged_lines"]:
         lines = ", ".join(str(line) for line in facts["damaged_lines"])

@@ -194,7 +194,7 @@ def files_of(folder: Path) -> list[str]:
     ("cut", "lost", "told", "damaged"),
     [
         ([5], 20, "20 samples, of record 2 are lost", [2]),  # what is missing at the end has no gap
-        ([2], 1, "1 samples are lost", []),  # between two records
+        ([2], 1, "1 sample is lost", []),  # between two records
         ([1, 3], 40, "40 samples, of record 0, 1 are lost", [0, 1]),
         ([3, 4], 21, "21 samples, of record 1 are lost", [1]),
     ],
@@ -227,7 +227,7 @@ def test_one_missing_sample_damages_its_record(writer: RunWriter) -> None:
     cut_out(folder, 1)
     info = finalise(folder)
     assert (info["lost_rows"], info["complete_records"]) == (1, 0)
-    assert "1 samples, of record 0 are lost" in info["reason"]
+    assert "1 sample, of record 0 is lost" in info["reason"]
     assert files_of(folder) == ["samples.journal.damaged-0", "samples.parquet"]
 
 
@@ -241,8 +241,9 @@ def test_a_lost_line_of_the_log_is_told(writer: RunWriter, frames: list[int]) ->
     path = folder / "log.jsonl"
     path.write_bytes(path.read_bytes().replace(b"oil leak", b"oil lake"))
     info = finalise(folder)
-    told = "20 samples, of record 2 and 1 lines of its log" if frames else "1 lines of its log"
-    assert info["reason"] == f"files of the run were damaged while it was in progress: {told} are lost"
+    one = "1 line of its log"
+    told = f"20 samples, of record 2 and {one} are lost" if frames else f"{one} is lost"
+    assert info["reason"] == f"files of the run were damaged while it was in progress: {told}"
     assert len(info["damaged_lines"]) == 1
     assert info["complete_records"] == 3 - len(frames)
     assert ("samples.journal.damaged-0" in files_of(folder)) is bool(frames)

@@ -31,6 +31,7 @@ from rigctl.dataset.pass_fail import judge
 from rigctl.dataset.recording import journal, log, records_file, samples_file
 from rigctl.dataset.recording.samples_file import SampleFacts, sample_facts, set_aside_journal, write_samples
 from rigctl.dataset.recording.writer_lock import lock_folder
+from rigctl.wording import number_of
 
 #: version of the format of a run's folder
 FORMAT: Final = 2
@@ -92,14 +93,13 @@ def _damage(records: Sequence[int], rows: int, lines: Collection[int]) -> str | 
     found = []
     if rows:
         which = f", of record {', '.join(map(str, records))}" if records else ""
-        found.append(f"{rows} samples{which}")
+        found.append(f"{number_of(rows, 'sample')}{which}")
     if lines:
-        found.append(f"{len(lines)} lines of its log")
-    return (
-        f"files of the run were damaged while it was in progress: {' and '.join(found)} are lost"
-        if found
-        else None
-    )
+        found.append(f"{number_of(len(lines), 'line')} of its log")
+    if not found:
+        return None
+    verb = "is" if rows + len(lines) == 1 else "are"
+    return f"files of the run were damaged while it was in progress: {' and '.join(found)} {verb} lost"
 
 
 def _files(folder: Path, names: Iterable[str]) -> dict[str, Any]:
