@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from shlex import quote
 
+from rich.console import Console
 from rich.markup import escape
 
 from rigctl.cli.tables import console
 from rigctl.command_line import DataOptions, analysis, shell_word
 
 
-def show_next(command: str, why: str) -> None:
+def show_next(command: str, why: str, to: Console | None = None) -> None:
     """Show the command, or the commands in lines of their own, and below what they do."""
-    console().print(f"\nNext: [bold]{escape(one_below_another(command))}[/]\n  {escape(why)}", soft_wrap=True)
+    (to or console()).print(
+        f"\nNext: [bold]{escape(one_below_another(command))}[/]\n  {escape(why)}", soft_wrap=True
+    )
 
 
 def one_below_another(commands: str) -> str:

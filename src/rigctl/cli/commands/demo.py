@@ -326,7 +326,7 @@ def _simulate(
     run = open_run(result.folder)
     seconds = time.perf_counter() - start
     console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
-    show(measure_blocks(run))
+    show(measure_blocks(run), console)
     return run
 
 
