@@ -184,6 +184,8 @@ class ModelFamily:
     options: the variants of the equations, each with its choices; the first is the default.
     rig_names: parameters by their names in a rig file, where these differ.
     standard_record: on which effects are tried and plotted.
+    single_values: the columns of a table of single values that are read from a moving record: the output,
+        and the time in the standard record at which it is read, s.
     tables: look-up tables, for `Scope.table`.
     program: computes its states, which are then the program's outputs: an FMU, or a user's functions.
     generic: whether generic effects are offered at its slots; the shipped families have a library instead.
@@ -201,6 +203,7 @@ class ModelFamily:
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rig_names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     standard_record: StandardRecord | None = None
+    single_values: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     tables: Mapping[str, Curve] = field(default_factory=dict)
     generic: bool = True
     program: Program | None = None

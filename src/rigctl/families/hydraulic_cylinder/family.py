@@ -112,5 +112,6 @@ FAMILY = ModelFamily(
     options={"throttle": ("meter_in", "meter_out", "both")},
     rig_names=RIG_NAMES,
     standard_record=STANDARD_RECORD,
+    single_values={"stroke": ("position", 2.2)},
     generic=False,
 )

@@ -18,21 +18,18 @@ from rigctl.model.measured.assumed import assumed_of
 from rigctl.model.measured.excitation import unknown_range, with_stated_values
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
+from rigctl.physics.family import ModelFamily
 from rigctl.physics.standard_record import StandardRecord
 from rigctl.rig.common_names import on_rig
 from rigctl.rig.rig import Rig
-
-#: meaning of a table's column for a family that moves: the output, and the time (s) in the family's standard
-#: record at which it is read
-_MEASURES = {"hydraulic_cylinder": {"stroke": ("position", 2.2)}}
 
 #: the state that a row's operating point sets, by the name of its column
 _OIL = "oil_temperature"
 
 
-def titles(family: str) -> dict[str, str]:
+def titles(family: ModelFamily) -> dict[str, str]:
     """The column of a table from which each output of a family is read, if its name differs."""
-    return {output: column for column, (output, _) in _MEASURES.get(family, {}).items()}
+    return {output: column for column, (output, _) in family.single_values.items()}
 
 
 def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> list[MeasuredRecord]:
@@ -174,8 +171,7 @@ def _moving(
 ) -> MeasuredRecord | None:
     standard = model.family.standard_record
     known = _values(row)
-    measures = _MEASURES.get(model.family.name, {})
-    readings = {name: index for name, index in measures.items() if name in known}
+    readings = {name: read for name, read in model.family.single_values.items() if name in known}
     if standard is None or rig is None or not readings:
         return None
     # the standard record at this row's set-points, read at the instants that its columns stand for, and

@@ -117,7 +117,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     )
     # 5. how wrong sensors and clocks may be, last: a gain is stated over the span of the readings that count.
     # What is known of their errors becomes unknowns, a bare uncertainty does not
-    table = as_table(measured, runs, titles(model.family.name))
+    table = as_table(measured, runs, titles(model.family))
     errors = _reading_errors(table, runs, rigs)
     uncertain = replace(
         table,
