@@ -1,4 +1,12 @@
-"""Functions of commands that use several packages: fit, run a bench, find runs."""
+"""Functions of commands that use several packages: fit, run a bench, find runs.
+
+For Python, what `rigctl model fit`, `run` and `runs list` are for the terminal. Other public names belong
+to the package that does the work; these three need packages that may not import each other, and so stand
+above them.
+
+A script has no terminal on which a procedure could ask somebody. On a real bench `run` therefore requires
+an operator, or answers stated beforehand; it answers by itself only where nothing real moves.
+"""
 
 from __future__ import annotations
 

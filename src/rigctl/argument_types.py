@@ -1,4 +1,13 @@
-"""The types of the arguments of public functions, checked where a user calls them."""
+"""The types of the arguments of public functions, checked where a user calls them.
+
+In: a function with annotations. Out: the same function, which refuses `compare("latest", model)` with a
+message that names the argument, what it has to be, and the function that returns such an object.
+Otherwise the call would fail somewhere inside rigctl, with an error that names neither.
+
+It is written by hand rather than taken from pydantic: annotations are evaluated at the first call, when
+names that are imported for type checkers exist, NumPy's numbers count as numbers and `"3"` does not, and
+nothing is copied.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""The errors shown to users: where, what, what was expected, and the nearest valid name."""
+"""The errors shown to users: where, what, what was expected, and the nearest valid name.
+
+Every mistake that a user can make, and every failure that one can act on, is a `RigctlError`: one message
+on the terminal, in a page or in a notebook, and an exit code. A traceback is a fault of rigctl.
+
+The parts of a message are kept apart until it is shown. Code that finds a mistake seldom knows where in a
+file it is, so that layers above add the location (`at`); programs are given the parts by name. Texts in a
+message come from files and devices, and are made printable once, here.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""A project: its root, the folder of its runs, and the resolution of paths in its files."""
+"""A project: its root, the folder of its runs, and the resolution of paths in its files.
+
+In: a folder, by default the current one. Out: a `Project`, with the settings of the nearest `rigctl.toml`
+above it; without one, the folder itself is the root, so that commands work before there is a project.
+
+A path in a file is tried beside that file, then from the root, then among the files that come with
+rigctl: a project can be moved, and a procedure can name a shipped rig. The settings may come from a
+stranger with the rest of the folder. Therefore they list the packages of drivers, but allow none; consent
+is kept with the user.
+"""
 
 from __future__ import annotations
 

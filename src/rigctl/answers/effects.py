@@ -1,4 +1,13 @@
-"""The library of effects, one effect with its signature, and the trial of a user's own."""
+"""The library of effects, one effect with its signature, and the trial of a user's own.
+
+In: effects and families as declared, and what a simulation of the standard record has shown of one. Out:
+blocks for a terminal or a page. Bounds that are merely usual are in brackets, since a diagnosis also
+searches beyond those, and never beyond physical ones.
+
+A signature is a small curve of the change of each reading, on an axis that holds zero: whether an effect
+raises a reading or lowers it, and when, is what tells it from others. With a rig its size is given in
+noises of the channel, which says whether that bench could see it.
+"""
 
 from __future__ import annotations
 

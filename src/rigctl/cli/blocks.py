@@ -1,4 +1,14 @@
-"""How the blocks of an answer are printed on a terminal."""
+"""How the blocks of an answer are printed on a terminal.
+
+In: blocks of `rigctl.answers`, whose words, digits and marks are settled. Out: lines on stdout, by Rich.
+This module knows kinds of blocks and no result, as does its counterpart for pages,
+`rigctl.report.blocks`: what both show is worded once, and cannot differ. Here are only colours, widths
+and the characters for bars and curves; a `Figure` without a curve prints nothing, because a terminal
+draws no plots.
+
+Lines are left to the terminal to wrap: what is copied from it, such as a path, has no line breaks. Every
+text is escaped: a name with brackets is no markup.
+"""
 
 from __future__ import annotations
 

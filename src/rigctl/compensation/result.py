@@ -1,7 +1,11 @@
 """A set-point schedule: what to set while the operating point drifts, how certain that is, and its range.
 
-`Schedule` is what `rigctl.compensation.schedule` returns, for people and for programs, with the `Check` by
-which it can be tested on the bench. The words are made in `rigctl.answers`.
+`Schedule` is what `rigctl.compensation.schedule` returns, for people and for programs, with the `Check`
+by which it can be tested on the bench. The words are made in `rigctl.answers`.
+
+Beside the schedule stands what a constant set-point would give, that of the middle of the range
+(`fixed`): with it a check compares, as the best that a bench without a schedule could have. Rows that the
+rig cannot reach are kept as NaN, and `RangeEnd` says what the quantity becomes there.
 """
 
 from __future__ import annotations

@@ -2,6 +2,11 @@
 
 `Discovery` holds what each step found, whatever the next one did: the gate, the locations, the curves and
 the formulas. The words are made in `rigctl.answers`.
+
+It has a set of formulas and not a winner: all that these data do not distinguish from the best. A formula
+is `accepted` only if it predicts conditions that were left out, and leaves no more of the misfit than the
+right one may; for a single record nothing can be left out, and none is. `where` names every location that
+the data allow for the term.
 """
 
 from __future__ import annotations

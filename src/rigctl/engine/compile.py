@@ -1,4 +1,14 @@
-"""From a system of equations to machine code that integrates it."""
+"""From a system of equations to machine code that integrates it.
+
+In: a `System`. Out: a `CompiledSystem`, with the addresses of the model's functions and the kernels that
+call them. The two are compiled apart: a kernel (integration, step control, sensitivities) once for an
+installation, a model for each set of equations, so that another effect costs tenths of a second and not
+the seconds of an integrator.
+
+Both are kept in the user's cache by the hash of what they depend on. Another process is sent the
+equations alone, and loads or compiles its own code. A system of which an FMU computes a part has no
+functions; it is two compiled systems around the program (`Cascade`).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""The excitation of a system in one record: initial state, commands and their times, and sample times."""
+"""The excitation of a system in one record: initial state, commands and their times, and sample times.
+
+In: numbers of one record, in SI. Out: an `Excitation`, frozen and checked, for `simulate`. Commands have
+times of their own, apart from those of the samples: the integration ends a step exactly at each command,
+and a sample at the same time shows the state before it.
+
+When a command acted is known only to within a sample for an imported log. `shifts` tells how the times
+depend on a few unknowns, by which `simulate` then differentiates. The arrays are read-only, so that the
+many variants of a record in a fit, which differ in parameters, share all others.
+"""
 
 from __future__ import annotations
 

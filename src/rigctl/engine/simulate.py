@@ -1,4 +1,14 @@
-"""Simulating records, with the sensitivities that a fit needs."""
+"""Simulating records, with the sensitivities that a fit needs.
+
+In: a compiled system and the excitation of each record. Out: `Trajectories`: states, outputs and, with
+columns, the derivatives of the outputs by parameters, initial states and times of switches. They are the
+exact derivatives of the computed steps, not differences of simulations; only the part of a system that an
+FMU computes is differenced (`cascade`).
+
+Records are independent, and run in threads of this process, which is possible because kernels release the
+interpreter's lock: for other processes, arrays of tens of megabytes would be copied for work of
+milliseconds. A record that fails is part of the result, up to the time of its failure.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""A system advanced step by step, as a bench that is observed and commanded while it runs."""
+"""A system advanced step by step, as a bench that is observed and commanded while it runs.
+
+In: a compiled system, its state, and commands as they come. Out: states and outputs at the times to which
+it is advanced. `simulate` integrates a record whose commands are all known; a simulated bench learns of
+each only when a step of a procedure gives it. Equations, delays and step formulas are the same.
+
+All arrays live as long as the `Stepper`, and a call changes only what is in them, so that reading a state
+costs no call into the kernel. The same calls give the same numbers, bit for bit.
+"""
 
 from __future__ import annotations
 

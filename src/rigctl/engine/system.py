@@ -1,4 +1,13 @@
-"""A system of equations, which the engine compiles, integrates and differentiates."""
+"""A system of equations, which the engine compiles, integrates and differentiates.
+
+In: states, inputs, parameters, equations and delays, collected by `SystemBuilder` from a family and the
+effects of a model. Out: a `System`, frozen and checked: all of SI, every name defined, every equation of
+the dimension that its left side has. What compiles is thereby consistent.
+
+Equations are expressions of a graph and not Python functions, so that the engine can differentiate them
+exactly, find common parts, and emit machine code. A delay is part of the system, not of the commands,
+because it may depend on the state at the time of the command.
+"""
 
 from __future__ import annotations
 

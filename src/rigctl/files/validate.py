@@ -1,4 +1,13 @@
-"""Validates a document with a pydantic model, with error messages for users and locations in the file."""
+"""Validates a document with a pydantic model, with error messages for users and locations in the file.
+
+In: a document with the position of each value, and a model. Out: an instance of the model, or every
+mistake at once, each with line and column, in the order of the file.
+
+pydantic decides what is valid; what it says is translated, because it speaks of types, unions and
+branches that no user has written. A field that is misspelt is one mistake here, where pydantic reports an
+unknown and a missing one, and the complaints of all branches of a union at one place are joined. A file
+of another kind is refused by its kind, and not field by field.
+"""
 
 from __future__ import annotations
 

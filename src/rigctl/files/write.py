@@ -1,4 +1,13 @@
-"""Writes files atomically: completely or not at all."""
+"""Writes files atomically: completely or not at all.
+
+In: a path, and text, bytes or plain values. Out: the file, or a `RigctlError` and the file as it was: the
+content is written to a temporary file in the same folder, flushed to disk and renamed, so that neither a
+full disk nor a kill leaves half of it.
+
+`write_new` is for files that must never change, such as versions of a model: it fails if there is one,
+also if two processes write at once, and makes the file read-only. On Windows a file that another program
+has open cannot be replaced; that is waited for, but not for long.
+"""
 
 from __future__ import annotations
 

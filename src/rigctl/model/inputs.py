@@ -1,4 +1,14 @@
-"""The correspondence between a bench's commands and its model's inputs."""
+"""The correspondence between a bench's commands and its model's inputs.
+
+In: the inputs that a family declares, and a rig. Out: an `InputSource` for each: which actuators set it,
+by which factors, or which constant value or channel stands for it. A family knows no rig and a rig no
+equations; this is where they meet.
+
+A role comes before a name, because a rig calls its valve what it likes. One input may have two actuators,
+a solenoid for each direction, and a heater that is a switch needs a stated power: its input is in watts.
+What nothing commands and nobody states is the family's usual value, and is marked as not stated (`said`),
+so that analyses can treat it as an assumption.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Every value of a model: its unit, its uncertainty, whether a fit may change it, and its origin."""
+"""Every value of a model: its unit, its uncertainty, whether a fit may change it, and its origin.
+
+In: a `Model`. Out: a `StatedValue` for each parameter of the family and of every effect, in SI and as
+shown. A value that stands in no model file comes from the rig, the oil, the family or the effect; which
+of them it was is kept, and shown where the file names no source.
+
+Displayed numbers have twelve digits, by which only the rounding of a conversion is lost: 3.9 mm² was
+written, and is shown.
+"""
 
 from __future__ import annotations
 

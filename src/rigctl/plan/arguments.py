@@ -1,4 +1,12 @@
-"""Arguments of a procedure: their declarations and their values."""
+"""Arguments of a procedure: their declarations and their values.
+
+In: the section `arguments` of a procedure, and values from the command line or from a step that calls it.
+Out: a variable for each argument, of the declared dimension and within its bounds. They are bound before
+the procedure is expanded, so that a plan contains only numbers.
+
+A called procedure sees its arguments and nothing else of its caller: it can be read, checked and run by
+itself. Bounds and defaults are literals, which depend on no variable.
+"""
 
 from __future__ import annotations
 

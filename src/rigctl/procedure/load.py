@@ -1,4 +1,13 @@
-"""Read a procedure file."""
+"""Read a procedure file.
+
+In: a file or a text. Out: a `Procedure`, whose every field is valid by itself, with the document that it
+came from. What can only be judged with a rig (channels, limits, dimensions of variables) is judged by
+`expand`.
+
+The document is kept to the end: later messages give line and column in the user's file, and the text is
+stored with each run. The rig is only a path here: a procedure that is only called by others names none,
+and uses its caller's.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Plots for plotly.js; numbers are base64 of 32-bit floats, which a browser decodes quickly."""
+"""Plots for plotly.js; numbers are base64 of 32-bit floats, which a browser decodes quickly.
+
+In: a `Plot`, which knows nothing of plotly. Out: plain data for JSON, in two parts: a template with axes,
+colours and names, and the arrays of its traces. Records with the same signals differ in their arrays
+only, so that a page has one template for all of them; times that traces share are contained once.
+
+The texts come from users' files, and the JSON is inside a script element. `embed` replaces the characters
+that could end it, and every text is escaped, because plotly.js takes some HTML in texts for markup.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""The conversion between raw values of the converter and values of the channel."""
+"""The conversion between raw values of the converter and values of the channel.
+
+In: what a rig file says of a channel's converter and calibration. Out: values for raw readings, raw
+readings for values (for the benches without hardware, and a new calibration), and how large each kind of
+error of a calibration may be.
+
+The kind matters, as its errors have different shapes: a calibration at one point leaves the zero
+uncertain, a line zero and gain, a data sheet the curvature too. Noise averages out over readings, these
+do not; a fit has an unknown for each, so that a thermometer that is wrong within what is stated is not
+taken for a missing effect of the model.
+"""
 
 from __future__ import annotations
 

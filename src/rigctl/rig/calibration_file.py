@@ -1,4 +1,13 @@
-"""Writes a calibration into a rig file, without changing the rest of its text, and keeps the old file."""
+"""Writes a calibration into a rig file, without changing the rest of its text, and keeps the old file.
+
+In: a rig as it was read, a channel and a fitted polynomial. Out: the changed file, and a copy of the
+previous one in `calibrations/` beside it. Only the text of the entries is replaced: users write comments,
+order and columns with care, and a round trip through a YAML library would reformat all of it.
+
+Three things are checked before anything is written: that only this calibration would change (an anchor
+may share it), that the result is a valid rig file, and that the file is still the one that was read.
+`rigctl doctor --align` writes clocks by the same function.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""A measured quantity of the bench."""
+"""A measured quantity of the bench.
+
+In: the entry of a sensor in the rig file. Out: a `Channel`, which converts raw readings to SI and back,
+and knows what is possible and how certain it is. Users write and read display units; readings become SI
+here, with the calibration polynomial converted once.
+
+`range` says what the sensor can measure at all. A value outside is no value for steps, conditions and
+measures; without it, what a broken wire gives counts as a reading. `difference` marks a temperature
+difference, which has no offset: 5 K are not 278.15 K.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Measures how far the devices' clocks are off: an output is set and set back, and each of them sees it."""
+"""Measures how far the devices' clocks are off: an output is set and set back, and each of them sees it.
+
+In: a rig whose file names the output and one channel of each device. Out: an offset with its uncertainty
+for each channel, or for none. The movements are a procedure that is made here and run like any other,
+with locks, interlocks and the safe ending, but kept in memory: no run is recorded.
+
+An edge lies between two readings, and so limits the offset to an interval. If edges always fell at the
+same place between two readings, all intervals would agree and be wrong together; the holds are therefore
+spread over the period of the slowest device. The statistics are in `edge_offset`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""`extend` and `retract`: move the cylinder for a time, until a condition holds, or to a position."""
+"""`extend` and `retract`: move the cylinder for a time, until a condition holds, or to a position.
+
+In: the fields in a procedure, with the rig's role for the direction. Out: a `Move` with its forecast,
+which follows from the flow through the throttle, and its behaviour during a run.
+
+The three ends differ in who watches the clock. A time is given to the bench with the command, which times
+the pulse itself where it can: delays of the host then do not change the stroke. A condition is examined
+at each sample, and a position is controlled in closed loop (`approach`). Whatever happens, the actuator
+is at its safe value afterwards.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""`set_pressure`: adjust the supply pressure until its reading has settled at the set-point."""
+"""`set_pressure`: adjust the supply pressure until its reading has settled at the set-point.
+
+In: a pressure with a tolerance. Out: a `SetLevel` with its forecast and its behaviour. The same step
+serves a bench whose valve is driven and one where a person turns it: a procedure need not be written
+twice.
+
+A person is asked by a notice, without an answer: the step goes on when the reading has stayed within the
+tolerance, as it does for a driven valve, because the gauge and not a click shows that it has been done.
+The level remains after the step (`lasting`), so a resumed run has to set it again.
+"""
 
 from __future__ import annotations
 

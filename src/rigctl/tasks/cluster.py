@@ -1,4 +1,13 @@
-"""Execution of tasks on a Dask cluster."""
+"""Execution of tasks on a Dask cluster.
+
+In: a function, its pieces of work, and the address of a scheduler. Out: results in order of completion,
+as from `pools`: a caller does not know where they were made.
+
+Few pieces are sent ahead, each to the worker with the fewest, and the rest wait here: an interrupt then
+acts soon, and short tasks are spread evenly, which Dask itself would not do. The function is sent once,
+with the data it holds. A piece whose worker is lost is sent again. A worker with another version of
+rigctl is refused, since its results would differ.
+"""
 
 from __future__ import annotations
 

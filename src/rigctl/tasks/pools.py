@@ -1,4 +1,13 @@
-"""Execution of tasks in threads or processes of this computer."""
+"""Execution of tasks in threads or processes of this computer.
+
+In: a function and its pieces of work. Out: results in order of completion. Threads are for work that
+releases the interpreter's lock, processes for everything else.
+
+Processes are started afresh (`spawn`), on all systems alike, with one thread each for the libraries of
+linear algebra, which otherwise would take every core in each of them. When one is killed, nobody knows by
+which piece: all that were running are repeated one at a time, and only a piece that kills its process
+three times ends the work. Workers end with their parent, also if that is killed.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Several runs over each other: one quantity over another, or over time, as a person picks them."""
+"""Several runs over each other: one quantity over another, or over time, as a person picks them.
+
+In: a few runs and the names of two quantities. Out: plain data for the page: curves, samples or one point
+for each record, whichever fits the two quantities, and the `rigctl runs sql` command that lists the same.
+
+Runs may have been stored in different units: all are drawn in the unit of the first run that has the
+quantity, and one of another dimension is refused. All of it goes to a browser as JSON, so that the
+numbers of runs, records and points are limited; what is left out is counted.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""A procedure: its text with errors marked, its plan, and its start, simulated or on the real bench."""
+"""A procedure: its text with errors marked, its plan, and its start, simulated or on the real bench.
+
+In: requests of the page. Out: files of the project, the plan of a text or its errors, and the id of a run
+that has been started. Checking expands the text as `rigctl check` does, without saving it.
+
+A run is the command that a user would type, in a process and a process group of its own: it goes on when
+the server ends, and a Ctrl-C for the server does not reach it. A click alone starts no real bench: its
+name must be typed, which is checked here too, so that a manipulated page moves nothing.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,12 @@
-"""The catalogue of runs: search, sorting and paging by the index, notes, exclusions, and the content of a
-run."""
+"""The catalogue of runs: search, paging, notes, exclusions, and the content of a run.
+
+In: requests of the page. Out: a sorted page of runs, one run in full, or the comparison of some. Sorting
+and searching are left to the index of the catalogue: a project may have 100 000 runs, and the page shows
+fifty. Conditions are the SQL of `rigctl runs list --where`, with a limit on the time they may take.
+
+A run is named by its id only. On the command line a path is accepted too; in a request it could lead to
+any folder of the computer.
+"""
 
 from __future__ import annotations
 

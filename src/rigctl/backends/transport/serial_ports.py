@@ -1,4 +1,12 @@
-"""Lists the serial ports of this computer, the probable device on each, and whether it may be opened."""
+"""Lists the serial ports of this computer, the probable device on each, and whether it may be opened.
+
+In: what pyserial says of the ports. Out: a `PortInfo` for each, with the command that gives access where
+there is none. No port is opened, since many boards restart when theirs is; access is told from the file's
+permissions, and the device from its USB numbers, which are a guess.
+
+A list that fails is no reason to fail: drivers can break it in ways of their own (`PortsUnlisted`), and a
+port that is named can be opened all the same.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""`rigctl calibrate`: reference values and raw readings become a channel's calibration in the rig file."""
+"""`rigctl calibrate`: reference values and raw readings become a channel's calibration in the rig file.
+
+In: points from the bench and an operator, from a CSV file, or from the records of a run. Out: the rig
+file with new coefficients, and beside it the file as it was, the points and a figure of the residuals.
+Taking the points is in `rigctl.runner.calibrate`, the fit in `rigctl.rig.calibration_fit`, the change of
+the file in `rigctl.rig.calibration_file`; this module puts them in order and words the result.
+
+The fit is shown before anything is written, and a terminal is asked. Without one (a script, `--json`) it
+is written at once; `--dry` is for those who only want to see it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""`rigctl compare`: how well a model agrees with measurements, and where it fails."""
+"""`rigctl compare`: how well a model agrees with measurements, and where it fails.
+
+In: runs, one or several models, and FMUs to be compared with the last of them. Out: an answer for the
+terminal, a page or JSON, and the command that leads on. The comparison is made by
+`rigctl.analysis.comparison`, the words by `rigctl.answers`.
+
+An FMU is no further `--model`: it has neither a parameter to fit nor a record-level unknown, so that the
+tests of a model would reject even a right one for its initial values. It is shown beside the model,
+without a verdict. What can be refused, a page that exists or a file that is no FMU, is refused before the
+fits, which take seconds to minutes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""`rigctl compensate`: the set-point that keeps a quantity while conditions drift, and its check."""
+"""`rigctl compensate`: the set-point that keeps a quantity while conditions drift, and its check.
+
+Two commands in one, as the second belongs to the first. Without `--judge`, runs and a model become a
+schedule, written as C header or table, and a procedure that tests it on the bench. With `--judge`, the
+runs of that procedure become a verdict, and the exit code: it needs no model and no options, because each
+record of such a check states what it was made for.
+
+The model alone is not believed: a schedule counts once pairs of records, with and without it in random
+order, show a smaller error (`rigctl.compensation.paired_test`).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""`rigctl demo`: the stroke falls, the textbook says it rises, and what is missing is found."""
+"""`rigctl demo`: the stroke falls, the textbook says it rises, and what is missing is found.
+
+In: nothing but a folder. Out: a project with two runs, a copy of the textbook model with the missing
+effect as its next version, and a page. It calls the functions that `import`, `simulate`, `compare` and
+`diagnose --apply` call, so that all it shows can be repeated by hand.
+
+The story has two halves. The eight strokes of the publication cannot tell four explanations apart,
+whatever the analysis. A simulated bench therefore hides one of the four, and records strokes over time:
+with these it is found, and the page tells at the end what was hidden. A copy of the model is changed, so
+that the next demo begins at the textbook again.
+"""
 
 from __future__ import annotations
 

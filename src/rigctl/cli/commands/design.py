@@ -1,4 +1,13 @@
-"""`rigctl design`: what to measure next in order to distinguish the remaining explanations."""
+"""`rigctl design`: what to measure next in order to distinguish the remaining explanations.
+
+In: runs and a model, whose diagnosis leaves a question open, or two effects named by the user. Out: an
+answer, and on request a procedure, a work sheet for a bench without rigctl, and a page. The design is
+made by `rigctl.design.design`.
+
+It is a command of its own, and not a part of every diagnosis, because it simulates some hundred records
+with every explanation: it takes as long as the diagnosis, and most users want only the verdict. `diagnose
+--design` makes both at once.
+"""
 
 from __future__ import annotations
 

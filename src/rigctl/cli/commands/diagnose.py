@@ -1,4 +1,13 @@
-"""`rigctl diagnose`: which physical effect a model lacks, how certain that is, and adding it."""
+"""`rigctl diagnose`: which physical effect a model lacks, how certain that is, and adding it.
+
+In: runs and one model. Out: the verdict with its evidence; with `--apply` the model's next versions, one
+for each addition; on request a page, a design of the next measurement, and files of the laws that the
+data suggest. The method is in `rigctl.analysis.diagnosis` and `improve`, the words in `rigctl.answers`.
+
+The longest part of this module is `_suggest_next`, the one command that leads on from a verdict. It is
+chosen here, above the analysis, because it is a matter of commands: it repeats the runs and options that
+were typed, so that the line can be copied. Its cases are in order, the first that holds decides.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""`rigctl effects`: the library of effects, and a user's own."""
+"""`rigctl effects`: the library of effects, and a user's own.
+
+In: a family, or the name or file of an effect; with a rig, its channels, dimensions and noise. Out: the
+library, the slots of a family, one effect with its signature, or the verdict on a user's file. Effects of
+the library and those in files are read into the same `Effect`, so that `show` and `check` take either.
+
+`check` does more than read the file. Its terms are evaluated where the standard record of the family
+passes, and the record is simulated with and without them (`rigctl.model.effect_preview`): whether any
+channel of the rig would see the effect, and whether another one looks the same, no check of a text can
+tell.
+"""
 
 from __future__ import annotations
 

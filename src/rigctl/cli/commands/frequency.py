@@ -1,4 +1,12 @@
-"""`rigctl frequency`: the frequency response that records show, with coherence, beside a model's."""
+"""`rigctl frequency`: the frequency response that records show, with coherence, beside a model's.
+
+In: runs, optionally an input, a channel and a model. Out: an answer for each pair of input and channel, a
+page with Bode plots, or JSON; `rigctl.analysis.frequency_response` estimates them. With a model, its
+response is estimated from its simulation of the same records in the same way, and not computed from a
+linearisation: only then do errors of the estimation, such as leakage, appear in both.
+
+Whether the two differ is no verdict on the model; that is for `rigctl compare`, which knows the noise.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""`rigctl import`: data measured elsewhere becomes a run."""
+"""`rigctl import`: data measured elsewhere becomes a run.
+
+In: one or several files, the rig they were measured on, and options for what the files do not say. Out: a
+run like any other, and its id; with `--dry-run` a preview and no run. The work is in
+`rigctl.dataset.importing`: this module collects options, from the command line, a saved mapping or the
+form of logs that the rig file names, and reports rows that were refused.
+
+Options exist only for questions with more than one answer, such as the order of day and month; all else
+is detected. The id alone goes to stdout, remarks and the next command go to stderr, so that a script can
+take the id.
+"""
 
 from __future__ import annotations
 

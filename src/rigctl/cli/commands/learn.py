@@ -1,4 +1,14 @@
-"""`rigctl learn`: measure, compare, add what is significant, design the next records, and measure again."""
+"""`rigctl learn`: measure, compare, add what is significant, design the next records, and measure again.
+
+In: a procedure and a model, or a learning that was interrupted. Out: runs, versions of the model, and a
+page about the rounds. The loop is `rigctl.learning.learn.Learner`; this module gives it a bench, a person
+who is asked, and a folder.
+
+The options of the first call are kept in that folder as a `Task`, since `--resume` after a kill or a
+power cut must measure on the same bench in the same way; only time, rounds and precision are taken anew.
+Errors in what was typed are found before the folder is made. On a simulated bench each round has the next
+seed: two records with the same noise would count as one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""`rigctl oil`: density and viscosity over temperature and pressure, beside measured values."""
+"""`rigctl oil`: density and viscosity over temperature and pressure, beside measured values.
+
+In: an oil of the library, or three measured points, with temperatures and pressures. Out: a table, and
+for HL32 the error of the law against published measurements. The laws are in `rigctl.physics.oil`, in SI;
+cSt, bar and degC exist only in what this module reads and prints.
+
+Without options the published table is repeated, with the errors of the law and where they are largest.
+`--points` takes exactly three: that many constants has Vogel's equation, which is solved and not fitted,
+so that no deviation is left to be shown.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""`rigctl runs`: the catalogue of runs."""
+"""`rigctl runs`: the catalogue of runs.
+
+In: ids, or a condition. Out: lists, one run in full, verified checksums, notes, copies in storage, or the
+answer to a query. What is found, and how, is in `rigctl.dataset`; here it becomes tables or JSON. A run
+in storage is shown from there; only those of this computer can be annotated.
+
+Two dialects of SQL meet here. A condition (`--where`) is SQLite's, answered by the index, so that finding
+a few among many runs opens none of them; a query (`sql`) is DuckDB's, which reads the Parquet files. Both
+see the same columns. Texts in the tables come from people and devices: they are printed as text, never as
+markup or control characters.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""`rigctl survey`: many runs looked at with one model: what changed, since when, and how sure that is."""
+"""`rigctl survey`: many runs looked at with one model: what changed, since when, and how sure that is.
+
+In: a model, and all finished runs or some of them. Out: an answer, a page, JUnit XML for a scheduler, and
+with `--alarm` the exit code. `rigctl.monitoring.survey` does the work, and keeps what it has read of each
+run: the survey of tomorrow reads only the runs of tomorrow.
+
+A damaged run does not end a survey of a thousand: it is left out and named. A run that the user has
+named, and that does not exist, is a mistake and ends it.
+"""
 
 from __future__ import annotations
 

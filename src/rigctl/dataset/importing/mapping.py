@@ -1,4 +1,13 @@
-"""Import options for one logger's files, stored in a YAML file for reuse."""
+"""Import options for one logger's files, stored in a YAML file for reuse.
+
+In: a file, or the options of an import. Out: the same options again. A mapping keeps the answers to what
+the first import of an unknown logger asks; a rig file can name it as the form of its logs (`log_format`),
+and `rigctl family new` writes one.
+
+It also keeps the headings that it was written for, with their units (`written_for`): a unit that the user
+gave belongs to such a heading, and a later file that states another unit is not read in that one. A file
+may lack columns of a mapping; one that was typed for this file must be there.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Preview of an import, without making a run: columns, records, and a plot of each column."""
+"""Preview of an import, without making a run: columns, records, and a plot of each column.
+
+In: files and options, as for an import. Out: a `Preview`: how each column was understood, which records
+it would make, the bad rows, and curves. The rows pass the same stages as in an import, so that what is
+shown is what would be stored, and the notes are those that the run would have; nothing is written.
+
+Of each column only minimum and maximum over equal stretches of rows are kept, some hundred points for a
+file of any length. A spike of a single row is still visible in them, and a mean would hide it.
+"""
 
 from __future__ import annotations
 

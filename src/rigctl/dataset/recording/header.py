@@ -1,4 +1,12 @@
-"""The header of a run: the facts that are known when it begins."""
+"""The header of a run: the facts that are known when it begins.
+
+In: a plan, its rig and the bench, or the options of an import. Out: a `RunHeader`, which is the first
+line of the log and goes from there into `run.json`. It is written before the first sample, since a run
+that is killed has nothing else: journal, log and header together suffice to recover it.
+
+The texts of procedure and rig are stored verbatim, and not only their paths: files are edited later, and
+a run is read and analysed with the rig that it was recorded with.
+"""
 
 from __future__ import annotations
 

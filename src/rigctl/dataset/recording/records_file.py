@@ -1,4 +1,13 @@
-"""``records.parquet`` and ``events.parquet``: a run's log as tables."""
+"""``records.parquet`` and ``events.parquet``: a run's log as tables.
+
+In: the entries of the log. Out: Arrow tables for `finalise`. The log remains the authority; the tables
+are for DuckDB, pandas and people, and can be made again from it.
+
+Values are in display units, as in `samples.parquet`, so that any reader of Parquet shows bar and
+millimetres; the unit is in the metadata of each column, and `open_run` returns SI. They are rounded to 15
+digits, so that 30 bar does not become 29.999999999999996 on its way through pascals. Columns of sweeps
+and measures are named as the procedure names them; the metadata say which kind a column is.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""The covariance at the minimum, and the combinations of parameters that the data do not determine."""
+"""The covariance at the minimum, and the combinations of parameters that the data do not determine.
+
+In: the iterate at which a fit ended, or residuals and derivatives at a minimum. Out: the result of the
+fit, with standard deviations of shared and record-level parameters; and how a minimum would move with
+other causes, such as errors of calibrations.
+
+The records' own unknowns are eliminated first, record by record, by orthogonal transformations: JᵀJ would
+square the condition number. Columns are scaled to length 1, so that singular values compare directions
+and not units. What lies in a direction without effect gets an infinite variance, and no number that only
+rounding has made finite.
+"""
 
 from __future__ import annotations
 

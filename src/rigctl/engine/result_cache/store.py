@@ -1,4 +1,13 @@
-"""The folder of kept results: one file each, complete or absent, within a limited total size."""
+"""The folder of kept results: one file each, complete or absent, within a limited total size.
+
+In: a name, which is the hash of all that a result depends on, with a tree of plain values and arrays.
+Out: the same, or nothing. Nothing is ever invalidated: what depends on something else has another name,
+and the least recently used go when there is no room.
+
+A cache must not be able to do harm. A file holds JSON and numbers, never pickles; one that is damaged, or
+that another user could have written, counts as absent. Failing to write costs only time. Several
+processes use the folder without locks, because a file appears by one rename.
+"""
 
 from __future__ import annotations
 

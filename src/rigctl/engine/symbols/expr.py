@@ -1,4 +1,12 @@
-"""A node of the graph of expressions, and its arithmetic operators."""
+"""A node of the graph of expressions, and its arithmetic operators.
+
+In: Python code that computes with variables, such as the equations of a family. Out: nodes of a `Graph`,
+one for each operation; equal expressions are one object, so that common parts are found by identity.
+
+Comparisons raise an error, because the code runs once, when the graph is built: an `if` on a state would
+be decided then, for all times. Smooth switches take its place. A node is pickled by its number in the
+graph, since its arguments would be pickled recursively, as deep as the expression.
+"""
 
 from __future__ import annotations
 

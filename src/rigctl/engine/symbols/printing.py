@@ -1,4 +1,12 @@
-"""Expressions as text: one line in the syntax of Python, LaTeX, or another dialect of `Printer`."""
+"""Expressions as text: one line in the syntax of Python, LaTeX, or another dialect of `Printer`.
+
+In: an expression. Out: its text, for people and for files that are read again; code that is compiled is
+made elsewhere, with a line for each node, as common parts are written out here wherever they occur.
+
+Brackets follow from precedence alone, and arguments are put into the order of reading: the graph keeps
+those of sums and products in an order of its own, so that `x*y` and `y*x` are one node. Numbers have
+twelve digits, or all of them where twelve would read as another number.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Error maps of a channel over all conditions, in sigmas of the noise: the signed bias, and the size."""
+"""Error maps of a channel over all conditions, in sigmas of the noise: the signed bias, and the size.
+
+In: a compared model whose records have operating variables. Out: two `HeatMap`s for each channel, the
+first variable down and the second across; records of one condition are pooled.
+
+Two maps, because one number cannot say both: an error that changes its sign within a record has a mean of
+zero and may be large. The noise is subtracted from the size, which otherwise would be 1 where nothing is
+wrong. Colours show the errors of readings in sigmas; marks, which say more than chance, are set by
+whitened residuals, since neighbouring readings share some of their noise and count for fewer.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""Measurement and model in one plot with the noise band, and the residuals."""
+"""Measurement and model in one plot with the noise band, and the residuals.
+
+In: one or two models fitted to the same records, and the record to be drawn. Out: a `Plot`. `fall_plot`
+is for the top of a page: a few channels, before and after, each with its residuals. `overlay_plot` is for
+the sections below: every channel of a record.
+
+Long records are drawn with every so many samples, residuals in sigmas of one reading. Ten thousand
+readings can show an error that is far smaller than the noise of one; drawn as they are, nothing of it
+would be seen. Such residuals are drawn as running means, in a band that is as narrow as the mean of
+correlated readings is certain.
+"""
 
 from __future__ import annotations
 

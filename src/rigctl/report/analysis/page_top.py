@@ -1,4 +1,13 @@
-"""The top of an analysis page: the verdict, the decrease of the systematic error, one overlay."""
+"""The top of an analysis page: the verdict, the decrease of the systematic error, one overlay.
+
+In: the `Answer` that the terminal shows too, and the models that it is about (`NamedModels`). Out: the
+first section of the page. All else on the page is evidence, and folded.
+
+The bars show the systematic error, with the noise subtracted: of two errors close to the noise of a
+reading, their bars would be nearly equal even if one model left nothing. Only channels that have changed,
+or whose error stands out, are drawn, and of the records the one in which the models differ most; the
+others are named in a line.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""The page of a survey: what has changed, and the trend of every quantity over the runs."""
+"""The page of a survey: what has changed, and the trend of every quantity over the runs.
+
+In: a `Survey`. Out: a page of its own with three sections. It is not made by `rigctl.report.write`, which
+reads and shows every run that it is given: a survey may have a thousand, and all that its page needs is
+in the result. The page around the sections is the same, given an empty `RunData` that has only a title.
+
+Each quantity is drawn with the interval of each run, the change that was fitted, and the run at which it
+was first significant, which is later than the one at which it began. What changed comes first; at most
+`_DRAWN` quantities are drawn, the tables have all.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""The section on a table of single values: measured and modelled, over the operating variable."""
+"""The section on a table of single values: measured and modelled, over the operating variable.
+
+In: a comparison of models with the rows of a table. Out: one `Plot` for each quantity, values above and
+residuals below. Rows that differ only in one variable are joined by a line over it; each combination of
+the others is a curve of its own, with its own colour.
+
+Residuals are in per cent where the noise is relative to the value, so that one band stands for the noise
+of all rows. For a single model the values with the constants of its file are drawn too, so that one sees
+what the fit has changed.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Checks across the fields of a register map, a server's nodes or a driver: names exist, numbers fit."""
+"""Checks across the fields of a register map, a server's nodes or a driver: names exist, numbers fit.
+
+In: the section of a protocol, and the channels and actuators of the rig. Out: every `Problem` with its
+place in the file, for `rigctl.rig.checks`. What all of these protocols have in common is checked by
+`client_problems`; here is what each has of its own.
+
+The ranges of registers are checked for every level and position of an actuator, the safe one included: a
+number that does not fit into its register would be refused only when it is sent, which may be the command
+that makes the bench safe.
+"""
 
 from __future__ import annotations
 

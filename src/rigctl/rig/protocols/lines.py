@@ -1,4 +1,14 @@
-"""A line-based device: its commands, the meaning of its answers, and the commands that make it safe."""
+"""A line-based device: its commands, the meaning of its answers, and the commands that make it safe.
+
+In: the section `lines` of a rig file. Out: `Lines`, with templates and patterns parsed, which
+`rigctl.backends.lines` operates. Modbus, OPC UA and Python drivers are operated in the same form: their
+sections become the lines of a client (`client_lines`), so that polling, reconnection, guard and safe
+ending exist once.
+
+How an output is known to be safe follows from what is written here. A query that has its name in the
+answer reads its state back; `confirm` and `reply` only acknowledge a command; without either, a run that
+has set the output to another value than its safe one ends as failed, with outputs not confirmed safe.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""A device with Modbus registers: the address, encoding and meaning of each number."""
+"""A device with Modbus registers: the address, encoding and meaning of each number.
+
+In: the section `modbus` of a rig file. Out: the blocks of registers that one request reads, for the
+client that holds pymodbus, and the line protocol by which a run operates that client.
+
+A request costs a round trip, however many registers it reads: adjacent ones of one table and one interval
+are read together, up to what the standard allows, and over unused registers only if the file permits it
+(`read_gaps`). An output is read back where it is written unless the file says otherwise.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""A driver of an installed Python package: what is read for each channel, and set for each actuator."""
+"""A driver of an installed Python package: what is read for each channel, and set for each actuator.
+
+In: the section `python` of a rig file. Out: what the driver's process reads and sets, and the line
+protocol by which a run operates that process. Nothing of the package is imported here, or in any process
+that runs a procedure.
+
+A rig file may come from a stranger, and names code. It can therefore name only a class of a package that
+the user has allowed, and attributes by plain paths, without underscores in front; there are no
+expressions. A number is taken in the stated unit, and a driver that states another is refused.
+"""
 
 from __future__ import annotations
 

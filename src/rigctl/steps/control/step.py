@@ -1,4 +1,14 @@
-"""The step `control`: its fields, checked against the rig."""
+"""The step `control`: its fields, checked against the rig.
+
+In: the fields in a procedure. Out: a `Control` action with gains, bounds and formula in SI, or a
+`ControlOnBoard` where the board is to compute; `_Builder` reads one group of fields after the other. The
+controller itself is in `pid`, and what the step does during a run in `action` and `on_board`.
+
+The gains are checked here, before anything moves: their signs must agree, their units follow from the
+actuator's and the channel's (K for a temperature in degC), and the rate must be one that actuator and
+record allow. `where: auto` leaves the choice to the bench, since a plan does not know whether its board
+has a loop.
+"""
 
 from __future__ import annotations
 

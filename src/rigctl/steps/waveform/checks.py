@@ -1,4 +1,13 @@
-"""Checks of a complete waveform against the limits of the rig, before anything moves."""
+"""Checks of a complete waveform against the limits of the rig, before anything moves.
+
+In: the commands of a waveform as they will be sent. Out: its lowest and highest value, or a refusal that
+says at which second which limit would be violated. The commands are checked, and not the parameters of a
+shape: formulas and tables from files are then treated alike, and what has been checked is what will be
+sent.
+
+Limits on the rate of change of the pressure that the actuator sets are followed too: a waveform within
+all ranges may still trip one, and would end the run in the middle.
+"""
 
 from __future__ import annotations
 

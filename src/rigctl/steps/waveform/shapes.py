@@ -1,4 +1,14 @@
-"""The waveforms of an output: SI values as functions of the time since their start, s."""
+"""The waveforms of an output: SI values as functions of the time since their start, s.
+
+In: the parameters of a ramp, a sine, a multisine, steps or a table. Out: values at any time, and by
+`commands` the times and values that are sent. A shape knows nothing of actuators; checks and preview ask
+it like the run does.
+
+A shape is either `held`, constant between its edges, and is then commanded at these only, or a curve,
+which is commanded at a rate. In rounds, each begins at a multiple of the duration and not of the interval
+between commands: every period of a multisine then has the same commands, as an analysis over whole
+periods needs.
+"""
 
 from __future__ import annotations
 

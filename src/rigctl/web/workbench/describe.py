@@ -1,4 +1,13 @@
-"""The description of an open workbench for its page."""
+"""The description of an open workbench for its page.
+
+In: a `Workbench`. Out: two kinds of message. What stays the same while sliders move (channels, records,
+conditions, commands) is sent once as JSON; what follows a slider, the curves of the records in view and
+the errors of all, is sent in frames of 32-bit floats.
+
+Of a long record as many samples are drawn as a plot has pixels, with the extremes of every channel among
+them; they are chosen from the measurement, and the model is drawn at the same. The rows of a table are
+records of one moment each, and are put together to curves here.
+"""
 
 from __future__ import annotations
 

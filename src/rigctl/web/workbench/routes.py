@@ -1,4 +1,12 @@
-"""The routes of the workbench's page, and the socket of its sliders."""
+"""The routes of the workbench's page, and the socket of its sliders.
+
+In: requests of buttons. Out: what may be chosen, or a job in the background (`rigctl.web.jobs`) with the
+command that does the same, for copying: every action of the page is a command, so that a model's history
+can be repeated by somebody without the page.
+
+Analyses use the model in its file. Only sliders have another way, the socket, which connects the page
+with a process of its own: a fault in machine code then ends one page, and neither the server nor a run.
+"""
 
 from __future__ import annotations
 

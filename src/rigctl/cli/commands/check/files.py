@@ -1,4 +1,13 @@
-"""`rigctl check` for files other than procedures: rigs, models, families and effects."""
+"""`rigctl check` for files other than procedures: rigs, models, families and effects.
+
+In: a YAML file. Out: its kind, told by the keys in it and not by its name or folder, and a description
+for people or programs. Each kind is read by the same loader that every other command uses: a file passes
+here exactly if they accept it, and no rule is written down a second time. Procedures are previewed
+instead (`rigctl.planning`).
+
+The last line is the next useful command for such a file, which depends on its kind: a rig of a real bench
+is asked for its devices, one without is given data.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""`rigctl doctor --align`: the offsets of the devices' clocks, measured by an edge that they see."""
+"""`rigctl doctor --align`: the offsets of the devices' clocks, measured by an edge that they see.
+
+In: a rig with several devices, whose file says which output moves and which channels see it. Out: an
+entry under `clocks:` for each of these channels, shown and, if wanted, written into the rig file. The
+measurement is `rigctl.runner.align`; here people are asked and told.
+
+They are asked twice, since two different things are at stake: an output moves (`--yes`), and a file
+changes (`--write`). The uncertainty is rounded up, and the offset has as many decimals: what analyses
+take from the file must not claim more than was measured.
+"""
 
 from __future__ import annotations
 

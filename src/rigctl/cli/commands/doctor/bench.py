@@ -1,4 +1,13 @@
-"""The checks of `rigctl doctor` on the bench: ports, devices that answer, the emulator, the rig files."""
+"""The checks of `rigctl doctor` on the bench: ports, devices that answer, the emulator, the rig files.
+
+In: the ports of this computer, addresses to ask, or a rig file. Out: a `Finding` for each check, and
+documents for programs. Nothing is set, and no port is opened that is not named by the user or in the rig
+file: opening one may restart a board, and a query may disturb the device behind it.
+
+A device described by a rig file is connected to as in a run, identified, and read once. Readings that are
+impossible point to a wrong byte or word order; the other orders are tried, and one that gives possible
+values is suggested.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""`rigctl doctor`: what is installed, what is missing, and how to get it."""
+"""`rigctl doctor`: what is installed, what is missing, and how to get it.
+
+In: this installation, this computer and the project; with `--port` or `--rig` also devices. Out: a line
+for each `Finding` with its remedy, and an exit code for scripts: 1 if anything is broken. What is only
+optional, such as an extra that nobody has asked for, breaks nothing.
+
+Checks go from cheap to slow. Extras and drivers are found without being imported, and ports are listed
+without being opened. The part about the bench is in `bench`, the measurement of clocks in `align`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""A draft model fitted once to the file from which it was drafted, and a plot of both."""
+"""A draft model fitted once to the file from which it was drafted, and a plot of both.
+
+In: a `Proposal` whose files are written, and the run that its log became. Out: a `FirstFit`: errors in
+the units of the outputs, the share of the variance explained, and a figure. The fit is not kept: it shows
+whether the drafted equations are worth editing, before the user has written any.
+
+A fit that fails is a result too, with its reason, and measurements are plotted all the same: the files
+are there to be corrected. An FMU is not simulated here, as a draft reads its description and no more.
+Below `ENOUGH`, the user is told that this is no model yet, and which template would leave less.
+"""
 
 from __future__ import annotations
 

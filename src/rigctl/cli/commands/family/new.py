@@ -1,4 +1,14 @@
-"""`rigctl family new`: a first family, rig, procedure and model file, from data or from a template."""
+"""`rigctl family new`: a first family, rig, procedure and model file, from data or from a template.
+
+In: a log, the kind of model or an FMU, and what the user says about columns. Out: four text files in the
+project, each with reasons as comments, a first fit and its figure, and the commands that lead on.
+`rigctl.proposal` drafts them; this module reads options, writes files and words questions.
+
+Files, and not a dialogue: they can be reviewed, repeated, and edited. What the log does not tell is asked
+at the end, as the line that drafts again with the answer. The files are read, and the log is imported
+with them, as by any command, before they count as written: if either fails, none of them remains. A fit
+that fails is only reported.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,15 @@
-"""`rigctl model`: show a model and its history, and change it."""
+"""`rigctl model`: show a model and its history, and change it.
+
+In: a model file, or `M@3` for a version of it. Out: what it says, or its next version. Commands that
+change describe the change as a `Wanted` and hand it to `changes.carry_out`, which fits, compares and
+writes for all of them by `rigctl.analysis.search.model_change`; the workbench calls the same, so that
+page and command write the same bytes.
+
+Nothing is changed in place: each version is kept in `.history` with what was done and the error before
+and after, so that any answer can be traced to the model that gave it. The error before an addition is
+that of the model without the effect, fitted to the same records: the whole decrease is then due to the
+effect, and not to the fit.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""Numbers and missing values in a cell."""
+"""Numbers and missing values in a cell.
+
+In: the text of a cell, and the decimal sign of its file. Out: a number, NaN for a missing value, or None
+for what is neither, which makes its row a bad one. The sign is found once for a file, by the majority of
+its first cells, since a single text may look like a number.
+
+The care is for one mistake: a sign taken for the wrong one makes a value wrong by a factor of 1000, and a
+fit would believe it. `1.020,5` has one meaning and is read. `1.011` in a column with `978` has two;
+whether another cell settles it is known only at the end of the file (`Thousands`), and where none does
+the file is refused until `--decimal` is given.
+"""
 
 from __future__ import annotations
 

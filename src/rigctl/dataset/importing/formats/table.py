@@ -1,4 +1,13 @@
-"""A file's numbers as written, before their meaning is known."""
+"""A file's numbers as written, before their meaning is known.
+
+Between the readers of formats, which know how a file is built, and the import, which knows the rig: every
+format becomes a `Source` with headings and blocks of rows. Rows that cannot be read are `Fault`s with
+their line, and are not in the blocks.
+
+A source yields its rows again for each pass. The first pass checks them all and collects what a record
+has in common, which is known only after its last row; the second writes. A file of any length is so
+imported completely or not at all, without being held in memory.
+"""
 
 from __future__ import annotations
 
