@@ -193,6 +193,8 @@ def all_held_out(comparison: Comparison) -> list[Block]:
 
 def where(model: ModelComparison) -> list[Block]:
     """Where in the data a model fails, the worst of each kind first, and which equation lacks a term."""
+    # A model that agrees has no place where it fails. The rows of a table have no course: only conditions
+    # are places there.
     if model.adequate:
         return []
     places = [place for place in model.where if place.by == "condition"] if model.rows else model.where
@@ -273,6 +275,8 @@ def _side_by_side(models: Sequence[ModelComparison]) -> Table:
     columns = (Column("what", ""), *(Column(str(k), model.name) for k, model in enumerate(models)))
     channels = [model.channels() for model in models]
     rows: list[dict[str, Any]] = []
+    # Channel by channel, with a line for each figure that any of the models has; below that what concerns
+    # all channels. χ² needs a noise level, and is left out where there is none.
     for name in dict.fromkeys(name for by_name in channels for name in by_name):
         rows.append({"what": name})
         for label, key in (("RMSE", "rmse"), ("held out", "heldout_rmse"), ("noise", "noise")):
@@ -318,6 +322,7 @@ def _tests(model: ModelComparison) -> Table:
         }
         for name, test in model.adequacy.tests.items()
     ]
+    # The last row is the one that decides: the tests share one level.
     count = len(model.adequacy.tests)
     asked = f"Holm: the smallest p times {count}"
     return Table(columns, (*rows, {"test": "all", "asks": asked, "p": model.adequacy.p_value}))
@@ -406,6 +411,7 @@ def _most(model: ModelComparison) -> str:
 
 def _wanted(model: ModelComparison) -> str:
     """The equations that most probably lack a term."""
+    # With a table, slots that act alike on single values say nothing about the place.
     known = [one for one in model.slots if one.log_evidence > SLOT_SEPARABLE]
     if not known or (model.rows and len(known[0].alike) > 1):
         return ""

@@ -168,6 +168,10 @@ def whole_diagnosis(diagnosis: Diagnosis) -> tuple[Block, ...]:
 
 def diagnosis_evidence(diagnosis: Diagnosis) -> tuple[Block, ...]:
     """What a verdict rests on: the ranking, what speaks for and against it, and what cannot be tested."""
+    # From the claim to what could overturn it: the ranking, points for and against, what the data cannot
+    # tell apart or exclude, where a term is missing, and how the parameters moved; then curves, and what to
+    # measure next. Of an adequate model only that is shown which does not presuppose that anything is
+    # missing.
     before, adequate = diagnosis.before, diagnosis.verdict is Verdict.ADEQUATE
     slot = diagnosis.slot if not before.rows else ""
     blocks: list[Block] = []

@@ -85,6 +85,8 @@ def comparison_document(model: ModelComparison) -> dict[str, Any]:
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
     """The machine-readable answer."""
+    # The fields and their order are part of the interface for programs, and are written out for that
+    # reason.
     exact = diagnosis.with_exact_sensors
     return {
         "runs": list(diagnosis.runs),

@@ -101,6 +101,8 @@ def _local(variables: Sequence[Mapping[str, str]]) -> str:
 def effect_blocks(effect: Effect) -> list[Block]:
     """The declaration of an effect."""
     family = effect.model_family
+    # Terms are printed from the formulas that are compiled, not from the declared text of the equation: the
+    # two stand one below the other.
     terms = []
     for slot, term, _ in term_texts(effect, family):
         declared = family.slot(slot)
@@ -215,6 +217,7 @@ def trial_blocks(trial: Trial, rig: Rig | None) -> list[Block]:
     """The verdict of a check."""
     effect, signature = trial.effect, trial.seen
     family = effect.model_family
+    # Faults have been raised as errors before: here is only an effect without any.
     lines = []
     for slot in effect.slots:
         how = "a factor" if family.slot(slot).combine == "product" else f"a term in {family.slot(slot).unit}"

@@ -171,6 +171,8 @@ def learned_blocks(learned: Learned, folder: Path, page: Path) -> list[Block]:
     good = learned.ended is LearningEnd.ADEQUATE
     ended = Sentence(learned.statement, "good" if good else "warn", heading(learned), main=True)
     compared = [one for one in learned.rounds if one.predicted and one.predicted.aim != "precision"]
+    # Rounds that distinguish rivals are rows of a table; those for precision have no rival, and get a line
+    # each.
     lines = [
         f"round {one.number}: {outcome(one)}"
         for one in learned.rounds

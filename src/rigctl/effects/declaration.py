@@ -275,6 +275,7 @@ class Effect:
 
 def problems(effect: Effect, family: ModelFamily) -> list[str]:
     """What is wrong with a declaration, in words; empty if it is valid."""
+    # First what refers to the family, then whether the effect can be switched off, then each parameter.
     faults = [f"unknown slot {slot!r}" for slot in effect.slots if slot not in {s.name for s in family.slots}]
     faults += [
         f"base parameter {name!r} is none of {family.name}"

@@ -66,6 +66,9 @@ def terms_in_symbols(effect: Effect, family: ModelFamily) -> dict[str, Expr]:
     """The term at each slot, in the family's variables by name."""
     graph = Graph()
     terms: dict[str, Expr] = {}
+    # The formula itself is called, with symbols for numbers: what is printed is what is compiled.
+    # Quantities that the family defines, such as a viscosity, are then put back by name, or each term would
+    # contain their whole law.
     for slot, term in effect.terms:
         known = _variables(graph, effect, family) | {
             name: graph.variable(name, parse_unit(unit).dimension) for name, unit in family.slot(slot).local
@@ -78,6 +81,7 @@ def terms_in_symbols(effect: Effect, family: ModelFamily) -> dict[str, Expr]:
 
 def term_texts(effect: Effect, family: ModelFamily) -> list[tuple[str, str, str]]:
     """Slot, text and LaTeX of each term; of a measured curve its equation, without its polynomials."""
+    # The polynomials between the points of a curve are of no use to a reader.
     if effect.curve is not None:
         text = effect.curve.equation
         plain = text.replace("_", r"\_")

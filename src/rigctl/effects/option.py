@@ -91,6 +91,8 @@ def read_parameter(
         an unknown parameter, a wrong unit, or a value out of bounds.
     """
     family = effect.model_family
+    # Alternative forms first: they have names and units of their own, and are converted with the dimensions
+    # of the bench.
     for way in effect.other_ways:
         if way.name == name:
             known = {p.name: p.value for p in family.parameters} | dict(family_parameters or {})
@@ -119,6 +121,7 @@ def _bounded(effect: Effect, way: str, name: str, value: float, written: str | Q
     """The parameter `name` with its SI value, checked against its bounds; it was written as `way`."""
     parameter = effect.parameter(name)
     value = onto_bound(value, parameter.low, parameter.high)
+    # Beyond a usual bound a value is allowed, as a search goes there too; beyond a physical one it is not.
     lowest, highest = parameter.widest
     if not lowest <= value <= highest:
         low, high = (show(end, parameter.unit, difference=parameter.difference) for end in (lowest, highest))

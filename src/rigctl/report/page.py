@@ -31,8 +31,11 @@ def page(runs: Sequence[RunData], sections: Sequence[Section], timestamp: dateti
     ----------
     timestamp: time for the footer; by default now.
     """
+    # The policy is made from the very scripts that are inserted: a browser runs only what has one of these
+    # hashes.
     scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
     when = (timestamp or datetime.now(UTC)).isoformat(timespec="seconds")
+    # A page with an answer is named after its model; one about runs after what was run.
     about = next((section.names_page for section in sections if section.names_page), "")
     return render(
         "page.html",

@@ -65,12 +65,15 @@ def write_report(
     """
     from rigctl.report.figure_files import FORMATS
 
+    # What can be refused is refused before any run is read.
     if form not in FORMATS:
         raise unknown_name("format of figures", form, FORMATS)
     output = Path(output)
     require_output(output, replaces=is_page, force=force)
     if not runs:
         raise RigctlError("a report needs at least one run")
+    # All of the page is made in memory before anything is written, so that a damaged run leaves the page of
+    # before in place.
     data = [read_run(run) for run in counted(runs, "Reading the runs", on_progress)]
     on_progress(f"Writing {output.as_posix()}")
     parts = assemble(data, sections)
@@ -80,6 +83,7 @@ def write_report(
         figures = Path(figures)
         files = [figures / f"{plot.id}.{form}" for part in parts for plot in part.plots]
         require_outputs(files, replaces=is_figure, force=force)
+    # The page first, so that an error while figures are drawn does not cost it.
     write_text(output, html)
     if figures is not None:
         plots = [plot for part in parts for plot in part.plots]
@@ -101,9 +105,11 @@ def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[
     The answer is the contributed section; without one it is how the run ended, and its results. For a failed
     run this comes before everything else. Sections for only some readers are folded.
     """
+    # Each section decides by itself whether these runs have anything for it.
     run_sections = [section for build in SECTIONS if (section := build(runs)) is not None]
     if not sections:
         return run_sections
+    # What happened to a run that did not end well comes before any analysis of it.
     first, rest = (
         (run_sections[:1], run_sections[1:])
         if any(not ended_well(run) for run in runs)

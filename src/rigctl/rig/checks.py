@@ -42,6 +42,7 @@ RESERVED = frozenset(
 
 def problems(rig: Rig) -> Iterator[Problem]:
     """Yield all errors that involve several parts of the file."""
+    # Names first, as all else refers to them; then each part by itself, then what parts say of each other.
     yield from _names(rig)
     for name, channel in rig.channels.items():
         yield from _channel(("channels", name), channel)
@@ -66,6 +67,8 @@ def problems(rig: Rig) -> Iterator[Problem]:
 
 def _protocol(rig: Rig) -> Iterator[Problem]:
     """Check the protocol of the one device of a rig, or of a part of it."""
+    # One protocol at most; what it describes, in its own module; and last that a kind of device that needs
+    # one has it.
     device = rig.backend
     spoken = [name for name in _PROTOCOLS if getattr(device, name) is not None]
     if len(spoken) > 1:
@@ -107,6 +110,8 @@ def _devices_without(rig: Rig) -> Iterator[Problem]:
 
 def _devices(rig: Rig) -> Iterator[Problem]:
     """Check the devices of a bench that has several."""
+    # What the loss of each means and where each is; then what belongs to it, and only then how that is
+    # read.
     if rig.backend.model_fields_set:
         error = RigctlError("a rig has one backend or several devices", value="both", expected="one of them")
         yield Problem(("backend",), error, of_key=True)
@@ -252,6 +257,7 @@ def _names(rig: Rig) -> Iterator[Problem]:
 
 def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]:
     wanted = QUANTITIES[channel.quantity]
+    # The unit first: range, noise and calibration are read in it, and would all be wrong with it.
     bad_unit = list(_refused((*keys, "unit"), lambda: parse_unit(channel.unit)))
     if bad_unit:
         yield from bad_unit
@@ -484,6 +490,7 @@ def _known(
 def _limits(rig: Rig) -> Iterator[Problem]:
     for name, limit in rig.limits.items():
         keys = ("limits", name)
+        # The bound is read in the unit of the channel, which must exist; `unchanged` has no bound.
         if limit.channel not in rig.channels:
             yield from _known(rig.channels, "channel", limit.channel, (*keys, "channel"))
             continue
@@ -500,6 +507,7 @@ def _limits(rig: Rig) -> Iterator[Problem]:
 
 
 def _safe_state(rig: Rig) -> Iterator[Problem]:
+    # Both ways: nothing in it is unknown, and no driven output is missing, since that one would stay on.
     for name, value in rig.safe_state.items():
         if name not in rig.actuators:
             yield Problem(("safe_state", name), unknown_name("actuator", name, rig.actuators), of_key=True)
@@ -547,6 +555,7 @@ def _simulation(rig: Rig) -> Iterator[Problem]:
 
 def warnings(rig: Rig, today: date) -> Iterator[str]:
     """Yield the warnings before a run."""
+    # Each is one sentence; with several devices, that on one of them begins with its name.
     for _, doubt in doubtful_calibrations(rig, today):
         yield doubt
     if not any(limit.action == "stop" for limit in rig.limits.values()):

@@ -36,7 +36,9 @@ def parse_rig(text: str, path: Path | None = None) -> Rig:
 
 
 def _build(document: Document) -> Rig:
+    # 1. Each field by itself, by the schema.
     rig = validate(document, Rig)
+    # 2. The options of a plug-in by the class that the plug-in names: only now is it known which one.
     for keys, backend in rig.backends:
         if (reads := backend.plugin_class) is not None:
             if "options" not in backend.model_fields_set:
@@ -45,6 +47,7 @@ def _build(document: Document) -> Rig:
                 )
                 raise error.at(document.locate(keys))
             validate(document, reads, keys=(*keys, "options"))
+    # 3. What involves several fields. All of it is collected, and reported in the order of the file.
     found: list[RigctlError] = [
         problem.error.at(document.locate(problem.keys, of_key=problem.of_key)) for problem in problems(rig)
     ]
@@ -52,4 +55,5 @@ def _build(document: Document) -> Rig:
         raise SeveralErrors(sorted(found, key=lambda error: (error.where.line or 0, error.where.column or 0)))
     if found:
         raise found[0]
+    # The text goes with the rig: it is stored with each run, and `rigctl calibrate` changes it in place.
     return rig.written_in(document.path, document.text)

@@ -38,6 +38,8 @@ def reasons_text(reasons: Iterable[Reason]) -> list[str]:
 
 def reason_text(reason: Reason) -> str:
     """``viscous_friction does not predict data that it was not fitted to``."""
+    # One branch for each class of reason; those that only several effects together can have are in
+    # `_of_several`, which the type checker requires to be complete.
     match reason:
         case UnusualSize(effect, parameters):
             text = f"{effect} fits only with its {parameters}"

@@ -151,6 +151,8 @@ def exclusions(diagnosis: Diagnosis) -> list[str]:
 
 def exclusion_text(excluded: Sequence[Exclusion], trend: Trend) -> list[str]:
     """Those over the trend that the model misses most."""
+    # Strongest first: what could not do it at any usual size, what does not at its best size, what explains
+    # only some of the quantities, and what merely fits less well.
     never = [one.effect for one in excluded if not one.only and one.at_most < TURNS]
     unfit = [one.effect for one in excluded if not one.only and one.reached < TURNS <= one.at_most]
     want = "rise" if trend.measured > 0.0 else "fall"

@@ -143,6 +143,8 @@ def _as_compared(diagnosis: Diagnosis) -> str:
 
 def worded(found: Conclusion, doubt: str = "") -> Statement:
     """The statement of a conclusion about effects; `doubt` says why nothing at all may be missing."""
+    # Each branch gives the first clause, which names effects, and the text, which describes them. What is
+    # left over is added below, to those that name effects and leave something.
     match found:
         case NothingNamed(visible):
             text = _unnamed_text(visible, doubt)

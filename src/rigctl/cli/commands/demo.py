@@ -68,6 +68,7 @@ def demo(
     from rich.markup import escape
 
     console = Console(stderr=as_json, highlight=False)
+    # 1. A project of its own, as every later command is typed in it; one that is there is used again.
     if (directory / "rigctl.toml").exists():
         console.print(f"[bold]1[/] Using the project that is already in {escape(directory.as_posix())}")
     else:
@@ -102,9 +103,12 @@ def _plain(directory: Path, seed: int, console: Console) -> tuple[dict[str, obje
 
 def _story(directory: Path, seed: int, console: Console) -> tuple[dict[str, object], Path, int]:
     """The published strokes, the bench that hides one of their explanations, and what is found there."""
+    # 2. Eight published numbers: imported and compared first, since the simulated bench below hides one of
+    # the explanations that they leave open.
     model = _own_model(directory)
     console.print(f"[bold]2[/] The published strokes, eight numbers: {_PUBLISHED}")
     published = _published(directory, model, console)
+    # 3. and 4. Meanwhile the published strokes are diagnosed in another process; `answer` waits for it.
     with _asking(directory, model, published) as answer:
         console.print(
             f"[bold]3[/] A simulated bench, recorded over time; it hides an effect: {_PROCEDURE}",
@@ -115,6 +119,7 @@ def _story(directory: Path, seed: int, console: Console) -> tuple[dict[str, obje
         )
         compared, improved = _mend(model, run, console)
         question = answer()
+    # 5. and 6. What is left open is told before what is found: the second answers the first.
     _show_question(question, console)
     found = _found(improved, model)
     _show_found(compared, improved, found, console)
@@ -292,6 +297,8 @@ def _write_page(
         from rigctl.report.analysis import hidden_section, improvement_sections, question_section
 
         top, *rest = improvement_sections(*mended, model)
+        # The answer on top, then the question that the published strokes left open, the evidence, and last
+        # what was hidden.
         added = tuple(name for step in mended[1].steps for name in step.effects)
         sections = [
             top,
@@ -316,6 +323,7 @@ def _simulate(
     from rigctl.cli.progress import progress_display
 
     start = time.perf_counter()
+    # The same way as `rigctl simulate`: the plan first, then the run, shown while it is in progress.
     with progress_display(f"Reading {_PROCEDURE.as_posix()}"):
         from rigctl.answers.measures import measure_blocks
         from rigctl.cli.blocks import show

@@ -175,6 +175,8 @@ def import_(
         from rigctl.project import find_file, find_project
         from rigctl.rig import load_rig
 
+        # What is typed comes first, then the mapping of this call, or else the form of logs that the rig
+        # names.
         options = _options(
             heading=heading,
             columns=columns,
@@ -201,6 +203,7 @@ def import_(
         if dry_run:
             preview = preview_files(paths, bench, options)
         else:
+            # The run is made here, completely or not at all; all that follows only reports it.
             done = import_files(
                 paths,
                 bench,
@@ -215,6 +218,7 @@ def import_(
     if dry_run:
         _show(preview, paths[0], output, as_json=as_json)
         return
+    # The id alone on stdout, for scripts; everything else on stderr.
     if not as_json:
         echo(done.run)
     _report_import(done, paths[0])
@@ -277,6 +281,8 @@ def _suggest_next(rig: Path | None, run: Path) -> None:
     """Show the next command on stderr: compare with a model of this bench, else show the run."""
     from rigctl.command_line import DataOptions, analysis
 
+    # The suggested command has to work as it stands: only a model that names this rig, or is of its family,
+    # and without a rig one that predicts something in the run.
     model = _model_of(rig)
     if rig is None and model is not None and not _predicts(model, run):
         model = None
@@ -330,6 +336,7 @@ def _model_of(rig: Path | None) -> str | None:
     root = find_project().root
     family = _named(_FAMILY, rig) if rig is not None and rig.is_file() else None
     alike = None
+    # Only the lines that name rig and family are looked at, and no model is read for it.
     for path in sorted((root / "models").glob("*.yaml")):
         if _named(_RIG, path) == (rig.as_posix() if rig is not None else None):
             return path.relative_to(root).as_posix()

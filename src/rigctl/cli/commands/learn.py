@@ -146,6 +146,8 @@ def learn(
 
     time = None if budget is None else read_budget(budget)
     wanted = None if precision is None else read_share(precision)
+    # The session first: what is asked, on which bench, and how much time is left, from its folder or from
+    # the options.
     if resume:
         session = _resumed(procedure, model, time, rounds, wanted)
     else:
@@ -163,6 +165,8 @@ def learn(
         session = _new_session(procedure, model, rig, arg or [], run or [], *task_arguments)
     person = _person(operator)
 
+    # Then the loop, which knows neither terminal nor page: it calls `ask` before each round after the
+    # first, and `on_round` after each.
     def ask(proposal: Round, design: DesignResult) -> bool:
         _show_proposal(proposal, design, quiet=as_json, verbose=verbose)
         return yes or _confirmed()
@@ -181,10 +185,13 @@ def learn(
         )
         try:
             learned = learner.learn()
+        # A first call that fails before anything was measured leaves no folder behind, so that '--resume'
+        # finds the session before it.
         except RigctlError:
             if not resume:
                 session.discard_if_nothing_was_learned(find_project().runs)
             raise
+        # For every ending: being out of time or declined is a result too.
         page = _write_page(session, learned)
         if as_json:
             print_json(learned.document() | {"folder": session.folder.as_posix(), "page": page.as_posix()})
@@ -265,6 +272,8 @@ def _new_session(
     from rigctl.model import current_version
     from rigctl.project import find_file, find_project, own_model
 
+    # In the order of what is needed for it: the model, the plan for its bench, the bench itself, and the
+    # time of the first round. The folder comes last.
     if procedure is None or model is None:
         missing = "a procedure" if procedure is None else "--model"
         raise RigctlError(
@@ -323,6 +332,8 @@ def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> L
     from rigctl.runner.operators.automatic_operator import AutomaticOperator
     from rigctl.runner.simulation import simulation_launch
 
+    # Each round has the seed after that of the one before, on whichever bench has one: the same noise twice
+    # would count as a single record.
     kind = bench.get("backend") or plan.rig.backend_named()
     runs = find_project().runs
     first = plan.rig.simulation.seed if bench.get("seed") is None else int(bench["seed"])
@@ -337,6 +348,7 @@ def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> L
             person=person,
             device=bench.get("device"),
         )
+    # Any other bench, real ones among them, is accessed as by `rigctl run`.
     if bench.get("effects"):
         raise RigctlError("--with: only a simulated bench hides effects", value=kind)
     seed = first + number - 1 if kind == "emulated" else bench.get("seed")
@@ -384,6 +396,8 @@ def _write_page(session: LearningFolder, learned: Learned) -> Path:
     page = session.folder / "learning.html"
     runs = [open_run(find_run(name, find_project().runs)) for name in session.runs]
     if runs:
+        # The figure of the versions needs a fit of each, which is worth it only if a round has been
+        # evaluated.
         task, versions = session.task, None
         if any(one.judged for one in learned.rounds):
             versions = named_versions(runs, Path(task.model), task.version, hold_out=task.hold_out or None)

@@ -76,11 +76,14 @@ def list_(
     """
     from rigctl.dataset import list_runs
 
+    # A terminal gets the newest runs unless asked for more, a program all unless asked for fewer.
     if last and every:
         raise RigctlError("'--last' and '--all' exclude each other")
     most = None if every or (as_json and not last) else last or SHOWN
     # one more than shown, to know whether there are more
     wanted = most + 1 if most and not last else most
+    # If the storage does not answer, the local runs are listed with a note. A wrong condition fails there
+    # as well, and gives its own error.
     try:
         listing = list_runs(where=where, last=wanted)
     except RigctlError as problem:
@@ -119,6 +122,7 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
         info["status"] = status_of(folder, info)
     else:
         info = {**folder.info, "folder": folder}
+    # A run that is not closed has no tables yet.
     open_still = info["status"] in ("running", "unclosed")
     records, facts = ([], {}) if open_still else _records(folder)
     if as_json:
@@ -154,6 +158,8 @@ def verify(
     from rigctl.dataset.catalogue import locate_run, run_folders, runs_folder
     from rigctl.dataset.storage.verify import verify_stored
 
+    # Those in storage are verified in place, by the checksums in their `run.json`; local ones that were
+    # never closed are recovered.
     folders = [locate_run(ref) for ref in runs] if runs else run_folders(runs_folder())
     verdicts = [
         dataset.verify(folder) if isinstance(folder, Path) else verify_stored(folder) for folder in folders
@@ -210,6 +216,7 @@ def upload(
     folders = [find_run(ref) for ref in runs] if runs else run_folders(runs_folder())
     store, outcomes = Store(address), []
     silent = 0  # runs in a row for which the storage did not answer: each takes up to minutes
+    # One run after the other, and one that fails does not stop the rest, unless the storage is silent.
     for folder in folders:
         try:
             if silent == _SILENT_RUNS:
@@ -418,6 +425,8 @@ def _records(folder: Path | StoredFolder) -> tuple[list[dict[str, Any]], dict[st
 
 def _records_table(records: Sequence[Mapping[str, Any]], facts: Mapping[str, Mapping[str, str]]) -> Table:
     """One line per record; a measure outside its limits is marked."""
+    # Left out are what only programs need, and columns that would be empty in every record. The verdict on
+    # a measure is shown in the cell of its value.
     hidden = {"path", "rate", "session"}
     if not any(record["excluded"] for record in records):
         hidden.add("excluded")

@@ -1,7 +1,7 @@
 """What was run, on which bench, when and by whom, and how it ended in one sentence.
 
 In: the `RunData` of one or several runs. Out: the first section of a page, unless an analysis comes
-before it; made of what `run.json` and the records say.
+before it. It is made of what `run.json` and the records say.
 
 Whether the outputs are known to be safe is stated apart from how the run ended. A finished run with an
 output in doubt is shown as bad, and a run that was killed never as safe, even if nothing was in doubt

@@ -155,6 +155,7 @@ def new(
     from rigctl.proposal.propose import empty_table, find_template, propose
     from rigctl.proposal.roles import StatedRoles, with_roles
 
+    # What contradicts itself is refused before the log is read.
     if csv is None and template is None and fmu is None:
         raise RigctlError(
             "nothing to begin with", expected="--csv FILE, --template NAME, both, or --fmu FILE"
@@ -163,6 +164,8 @@ def new(
         find_template(template)
     _refuse_contradictions(fmu, {"--template": template, "--input": inputs, "--output": outputs}, variable)
     called = _name(name)
+    # The log is read by a function that is given the units, because an FMU may state those that the log
+    # does not.
     reading: Callable[[Mapping[str, str]], Table] | None = None
     if csv is not None:
         choices = {
@@ -182,6 +185,7 @@ def new(
             _of_fmu(called, find_file(fmu), reading, units, stated, variables), "", fit=False, as_json=as_json
         )
         return
+    # Without an FMU: what each column is, then equations that fit these columns.
     table = empty_table(template or "") if reading is None else with_roles(reading(units), stated)
     stated_options = _options(csv, inputs, commanded, measured, outputs, leave, unit, import_options(table))
     try:
@@ -198,6 +202,7 @@ def _finish(proposal: Proposal, options: str, *, fit: bool, as_json: bool) -> No
     from rigctl.project import find_project
 
     root = find_project().root
+    # The fit is within, as the import before it may refuse the log: then none of the files remains.
     with _written(root, proposal) as written:
         tried = _tried(proposal, root, fit=fit)
     document = _document(proposal, written, options, tried)
@@ -237,11 +242,13 @@ def _of_fmu(
     about = read_description(path)
     root, here = find_project().root.resolve(), path.resolve()
     written = (here.relative_to(root) if here.is_relative_to(root) else here).as_posix()
+    # Without a log the channels of the bench are the variables of the FMU.
     if reading is None:
         table, pairs = table_of_fmu(about)
         return propose_fmu(name, about, written, table, pairs)
     table = reading(units)
     pairs = pair(table, about, variables, stated.omitted)
+    # Read once more with the units of the FMU, where the log states none; those of the user come first.
     own = units_from(table, about, pairs)
     if own:
         table = reading({**own, **units})
@@ -451,6 +458,8 @@ def _without_unit(table: Table) -> tuple[list[Column], str]:
 def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: FirstFit | None) -> None:
     from rigctl.cli.tables import console, table
 
+    # How each column was understood and what was written; then how well it fits, and last what only the
+    # user knows, with the command that says it.
     if any(column["reason"] for column in document["columns"]):
         listed = table("column", "is", "unit", "why")
         known = {column.theirs: column.known for column in proposal.table.columns}
@@ -478,6 +487,8 @@ def _show(document: Mapping[str, Any], proposal: Proposal, options: str, tried: 
 
 def _unstated_units(proposal: Proposal, options: str) -> Iterator[str]:
     """Which units the log does not state, and the command that states them."""
+    # Only a log leaves units open: those of templates are known, and those of an FMU are in its
+    # description.
     unknown, units = _without_unit(proposal.table)
     if not unknown or proposal.table.path is None or proposal.fmu is not None:
         return
