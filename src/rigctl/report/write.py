@@ -1,4 +1,12 @@
-"""Make the report of one or more runs."""
+"""Make the report of one or more runs.
+
+In: runs, and sections that other parts of rigctl have made about them. Out: one HTML file that needs no
+other, and on request each of its plots as a file. The page is put together in memory and written in one
+step, so that an earlier one is replaced by a complete one or not at all.
+
+It begins with the answer. What a run or an analysis has shown comes first, and the evidence is folded behind
+it; only how a run failed comes before any analysis of it.
+"""
 
 from __future__ import annotations
 

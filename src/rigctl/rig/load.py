@@ -1,4 +1,8 @@
-"""Read a rig file."""
+"""Read a rig file.
+
+In: a file, or the text that was stored with a run. Out: a `Rig` that is valid as far as a file can tell, or
+every mistake in it with line and column. Whether the bench is as the file says is for `rigctl doctor`.
+"""
 
 from __future__ import annotations
 
