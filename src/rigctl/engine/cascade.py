@@ -5,8 +5,9 @@
 The first and the last step are equations, integrated by the engine. The program is given the drives held
 constant over each interval of a grid: the samples, every command at the time at which it acts, and some
 points after it. What is read of z, linear between the points, has exact derivatives. Derivatives through the
-program are differences, central except at a value of 0, where only one side need exist; each column is
-differenced with two steps, and with smaller ones until two agree.
+program are differences, central except at a value of 0, where only one side need exist, and of switches,
+which lie at corners (`_Change`). Each column is differenced with two steps, and with smaller ones until
+two agree.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ Engine: TypeAlias = Callable[..., Trajectories]
 _SHARE: Final = 3e-3
 #: of what moves switches, in sampling intervals
 _MOVED: Final = 0.2
+#: the least of those, the share of the time to the next sample, and how near to a sample a switch is at it
+_LEAST_MOVED: Final = 0.01
+_ROOM: Final = 0.8
+_AT_SAMPLE: Final = 1e-6
 #: steps that are tried, as shares of the usual one; two derivatives agree that differ by less than `_AGREE`
 _SMALLER: Final = (1.0, 0.1, 0.01)
 _AGREE: Final = 0.02
@@ -597,7 +602,7 @@ class _Change:
 
     Attributes
     ----------
-    size: the usual step, SI; of switches it follows from the record.
+    size: the usual step, SI; of switches it follows from the record (`_later`).
     keeps_drives: whether the program is given the same.
     """
 
@@ -607,12 +612,10 @@ class _Change:
     keeps_drives: bool = False
 
     def steps(self, excitation: Excitation, share: float) -> tuple[float, float]:
-        """Two steps from the point: to either side, or where its value is 0 both to one."""
+        """Two steps from the point: to either side, or both to one for a value of 0 and for switches."""
         if self.kind == "shift":
-            assert excitation.shifts is not None  # noqa: S101 - it has the columns
-            most = float(np.abs(excitation.shifts[:, self.index]).max(initial=0.0))
-            step = share * _MOVED * _interval(excitation) / (most or 1.0)
-            return step, -step
+            step = share * self._later(excitation)
+            return step, 0.5 * step
         step = share * self.size
         if self.kind == "initial":
             return step, -step
@@ -620,6 +623,23 @@ class _Change:
         if abs(value) <= step:
             return (-step, -0.5 * step) if value < 0.0 else (step, 0.5 * step)
         return step, -step
+
+    def _later(self, excitation: Excitation) -> float:
+        """A step by which switches act later, and none of them at the next sample or after it.
+
+        A switch at a sample, as a log has it, is a corner of the cost: sooner, it changes this sample too.
+        The exact derivatives of equations are those on the later side, where the sample is before it.
+        """
+        assert excitation.shifts is not None  # noqa: S101 - it has the columns
+        shifts, interval = excitation.shifts[:, self.index], _interval(excitation)
+        most = float(np.abs(shifts).max(initial=0.0))
+        if not most:
+            return _MOVED * interval
+        at = excitation.switch_times[shifts != 0.0]
+        following = np.searchsorted(excitation.times, at + _AT_SAMPLE * interval, side="right")
+        inside = following < excitation.times.size
+        room = float((excitation.times[following[inside]] - at[inside]).min(initial=interval))
+        return float(np.clip(_ROOM * room, _LEAST_MOVED * interval, _MOVED * interval)) / most
 
     def moved(self, excitation: Excitation, step: float) -> Excitation:
         """The record moved by a step."""
