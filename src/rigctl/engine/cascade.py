@@ -602,7 +602,7 @@ class _Change:
 
     Attributes
     ----------
-    size: the usual step, SI; of switches it follows from the record (`_later`).
+    size: the usual step, SI; of switches it follows from the record (`_within`).
     keeps_drives: whether the program is given the same.
     """
 
@@ -614,7 +614,7 @@ class _Change:
     def steps(self, excitation: Excitation, share: float) -> tuple[float, float]:
         """Two steps from the point: to either side, or both to one for a value of 0 and for switches."""
         if self.kind == "shift":
-            step = share * self._later(excitation)
+            step = share * self._within(excitation)
             return step, 0.5 * step
         step = share * self.size
         if self.kind == "initial":
@@ -624,22 +624,25 @@ class _Change:
             return (-step, -0.5 * step) if value < 0.0 else (step, 0.5 * step)
         return step, -step
 
-    def _later(self, excitation: Excitation) -> float:
-        """A step by which switches act later, and none of them at the next sample or after it.
+    def _within(self, excitation: Excitation) -> float:
+        """A step by which switches move, to the side on which the next sample is farther, and not up to it.
 
-        A switch at a sample, as a log has it, is a corner of the cost: sooner, it changes this sample too.
-        The exact derivatives of equations are those on the later side, where the sample is before it.
+        Where a switch passes a sample the cost has a corner. One at a sample, as a log has it, moves later:
+        the exact derivatives of equations are those on that side, where the sample is before it.
         """
         assert excitation.shifts is not None  # noqa: S101 - it has the columns
         shifts, interval = excitation.shifts[:, self.index], _interval(excitation)
         most = float(np.abs(shifts).max(initial=0.0))
         if not most:
             return _MOVED * interval
-        at = excitation.switch_times[shifts != 0.0]
-        following = np.searchsorted(excitation.times, at + _AT_SAMPLE * interval, side="right")
-        inside = following < excitation.times.size
-        room = float((excitation.times[following[inside]] - at[inside]).min(initial=interval))
-        return float(np.clip(_ROOM * room, _LEAST_MOVED * interval, _MOVED * interval)) / most
+        times, at = excitation.times, excitation.switch_times[shifts != 0.0]
+        following = np.searchsorted(times, at + _AT_SAMPLE * interval, side="right")
+        inside = (following > 0) & (following < times.size)
+        after = float((times[following[inside]] - at[inside]).min(initial=interval))
+        ago = float((at[inside] - times[following[inside] - 1]).min(initial=interval))
+        room = _ROOM * max(after, ago) if ago > _AT_SAMPLE * interval else _ROOM * after
+        step = min(max(room, _LEAST_MOVED * interval), _MOVED * interval) / most
+        return -step if ago > after else step
 
     def moved(self, excitation: Excitation, step: float) -> Excitation:
         """The record moved by a step."""
