@@ -88,6 +88,38 @@ def test_they_are_fitted_as_with_symbols(tmp_path: Path) -> None:
         assert found.fit.std[name] == pytest.approx(std, rel=0.05)
 
 
+def switched(folder: Path) -> rigctl.Run:
+    """The same motor, whose command is switched at samples, as a log has it: each switch was up to one
+    interval earlier."""
+    rng = np.random.default_rng(5)
+    rows = ["time [s],record,voltage [V],speed [rad/s]"]
+    for record, volts in enumerate(VOLTAGES, start=1):
+        command = [volts * (1 if (k // 12) % 2 == 0 else -0.5) for k in range(60)]
+        speed = 0.0
+        for k, level in enumerate(command):
+            rows.append(f"{k * 0.01:.2f},{record},{level},{speed + 0.3 * rng.standard_normal():.6f}")
+            late = 0.004 if k + 1 < 60 and command[k + 1] != level else 0.0  # the next level acts before
+            for held, seconds in ((level, 0.01 - late), (command[min(k + 1, 59)], late)):
+                speed = 20.0 * held + (speed - 20.0 * held) * math.exp(-seconds / 0.1)
+    (folder / "rig.yaml").write_text(RIG, encoding="utf-8")
+    (folder / "log.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return rigctl.open_run(
+        rigctl.import_file(folder / "log.csv", rigctl.load_rig(folder / "rig.yaml"), folder / "runs").path
+    )
+
+
+def test_switches_at_samples_are_fitted_as_with_symbols(tmp_path: Path) -> None:
+    """A switch at a sample is a corner of the cost: its two sides have different derivatives."""
+    run = switched(tmp_path)
+    found, expected = (
+        rigctl.compare([run], [made(rates, tmp_path)]).models[0] for rates in (by_a_table, in_symbols)
+    )
+    assert found.fit.chi2_reduced == pytest.approx(expected.fit.chi2_reduced, rel=1e-3)
+    for name in ("gain", "lag"):
+        std = expected.fit.std[name]
+        assert found.fit.model.values[name] == pytest.approx(expected.fit.model.values[name], abs=0.1 * std)
+
+
 def test_an_effect_at_an_edge_is_found_and_the_answer_says_what_was_searched(tmp_path: Path) -> None:
     found = rigctl.diagnose([measured(tmp_path, offset=4.0)], made(by_a_table, tmp_path), most=1)
     # by the speed alone, an offset of the command with the same effect is as probable
