@@ -67,7 +67,8 @@ def test_a_refused_command_leaves_no_files() -> None:
     for share in ("much", "0 %", "200 %", "3 mm"):
         assert "--precision: not a percentage" in refusal(*known, "--precision", share)
     assert "only a simulated bench hides" in refusal(*known, "--backend", "emulated", "--with", LEAK)
-    assert call("learn", "--resume", "procedures/campaign.yaml").exit_code != 0
+    again = refusal("learn", "--resume", "procedures/campaign.yaml", "--seed", "0", "--port", "COM3")
+    assert "those of the session, got 'procedure, --port, --seed'" in again
     away = ("--backend", "serial", "--port", "/dev/no-such-port")
     assert "takes no --seed" in refusal(*known, *away)
     assert "10 bits" in str(call("learn", *CAMPAIGN[:5], "--model", "models/own.yaml", *away).exception)

@@ -12,7 +12,7 @@ seed: two records with the same noise would count as one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -149,7 +149,25 @@ def learn(
     # The session first: what is asked, on which bench, and how much time is left, from its folder or from
     # the options.
     if resume:
-        session = _resumed(procedure, model, time, rounds, wanted)
+        of_session = {
+            "procedure": procedure,
+            "--model": model,
+            "--rig": rig,
+            "--arg": arg,
+            "--from": run,
+            "--hold-out": hold_out,
+            "--backend": backend,
+            "--port": port,
+            "--with": effect,
+            "--seed": seed,
+            "--speed": speed,
+            "--serial-number": serial_number,
+            "--part": part,
+            "--notes": notes,
+        }
+        session = _resumed(
+            [name for name, value in of_session.items() if value not in (None, [])], time, rounds, wanted
+        )
     else:
         labels = {"serial_number": serial_number, "part": part, "notes": notes}
         bench = {
@@ -234,18 +252,17 @@ def read_share(text: str) -> float:
 
 
 def _resumed(
-    procedure: Path | None,
-    model: Path | None,
-    time: float | None,
-    rounds: int | None,
-    precision: float | None,
+    given: Sequence[str], time: float | None, rounds: int | None, precision: float | None
 ) -> LearningFolder:
+    """The last session; `given` are options that only its beginning takes."""
     from rigctl.learning.learning_folder import LearningFolder
     from rigctl.project import find_project
 
-    if procedure is not None or model is not None:
+    if given:
         raise RigctlError(
-            "--resume: procedure and model are those of the session", expected="rigctl learn --resume"
+            "--resume: procedure, model, bench and records are those of the session",
+            value=", ".join(given),
+            expected="of these none; --budget, --max-rounds and --precision can be changed",
         )
     session = LearningFolder.find(find_project().root)
     session.reopen(budget=time, rounds=rounds, precision=precision)
