@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+import own_process
 from commands import call, refusal
+from doc_page import blocks
+from patience import patient
 
 PACKAGE = """
 import json
@@ -125,3 +128,64 @@ def test_an_unknown_kind_names_the_nearest_of_all(project: Path) -> None:
     (project / "rig.yaml").write_text(RIG.replace("kind: tally", "kind: taly"), encoding="utf-8")
     with chdir(project):
         assert "did you mean 'tally'" in refusal("check", "step.yaml").casefold().replace('"', "'")
+
+
+HOW_TO = Path(__file__).parents[1] / "docs" / "how-to" / "write-a-plugin.md"
+
+#: a library as the page has one; it keeps what was set
+LIBRARY = """
+from pathlib import Path
+
+
+class connect:
+    def __init__(self, url, timeout):
+        self._held = {1: 25.0}
+        self._log = Path(__file__).with_name("set.txt")
+
+    def get(self, address):
+        return self._held.get(address, 0.0)
+
+    def set(self, address, value):
+        self._held[address] = value
+        with self._log.open("a", encoding="utf-8") as log:
+            log.write(f"{address} {value}\\n")
+
+    def close(self):
+        pass
+"""
+
+OPTIONS = """\
+backend:
+  kind: mybench
+  port: 192.168.0.50
+  options:
+    timeout: 1 s
+    channels: {oil_temperature: 1}
+    actuators: {heater: {address: 2}}
+stale_after: 2 s
+"""
+
+
+def test_the_backend_of_the_how_to_drives_a_bench(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a package of its own, in this process and in that of the guard."""
+    (module,) = (
+        block.text
+        for block in blocks(HOW_TO.read_text("utf-8"))
+        if block.kind == "python" and "PluginBackend(" in block.text
+    )
+    site = project / "site"
+    (site / "mybench.py").write_text(module, encoding="utf-8")
+    (site / "mylibrary.py").write_text(LIBRARY, encoding="utf-8")
+    points = site / "tally_plugin-1.2.dist-info" / "entry_points.txt"
+    points.write_text("[rigctl.backends]\nmybench = mybench:BACKEND\n", encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(site))
+    rig = project / "rig.yaml"
+    rig.write_text(patient(RIG.replace("backend: {kind: tally}\n", OPTIONS), wake="60 s"), encoding="utf-8")
+    code, out, err = own_process.rigctl(project, "run", "step.yaml", "--json")
+    assert code == 0, out + err
+    lines = (site / "set.txt").read_text("utf-8").splitlines()
+    assert "2 1.0" in lines
+    assert lines[-1] == "2 0.0"
+    rig.write_text(rig.read_text("utf-8").replace("address: 2", "adress: 2"), encoding="utf-8")
+    with chdir(project):
+        assert "did you mean 'address'" in refusal("check", "step.yaml")

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rigctl.api import find_runs as find_runs
     from rigctl.api import fit as fit
     from rigctl.api import run as run
+    from rigctl.backends.plugin import PluginBackend as PluginBackend
+    from rigctl.backends.transport.port import PortLost as PortLost
     from rigctl.dataset import Run as Run
     from rigctl.dataset import open_run as open_run
     from rigctl.dataset import query as query
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
     from rigctl.report import write_report as write_report
     from rigctl.rig import Rig as Rig
     from rigctl.rig import load_rig as load_rig
+    from rigctl.rig.protocols.plugin_options import PluginOptions as PluginOptions
+    from rigctl.rig.protocols.plugin_options import PluginOutput as PluginOutput
     from rigctl.runner.simulation import simulate as simulate
 
     Family = ModelFamily

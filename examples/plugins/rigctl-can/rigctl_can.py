@@ -15,21 +15,12 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from rigctl.backends.lines.create import line_bench
-from rigctl.backends.options import read_port, refuse_unknown
-from rigctl.backends.protocol import Backend
-from rigctl.backends.transport.address import Address
-from rigctl.backends.transport.client_port import ClientPort
-from rigctl.backends.transport.port import PortLost
-from rigctl.backends.transport.readback import is_near
-from rigctl.clock import Clock
-from rigctl.errors import RigctlError, require_known
+from rigctl import PluginBackend, PluginOptions, PluginOutput, PortLost, RigctlError
+from rigctl.backends.transport.readback import as_written, is_near
+from rigctl.errors import require_known
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
-from rigctl.rig import Rig
-from rigctl.rig.protocols.plugin_options import PluginOptions, PluginOutput
 
-_KNOWN_AFTER = 0.8  # of `wake`, after which it waits no longer: rigctl, which does, is to know the reason
 _CYCLE = 0.1  # s between two commands, where the file of the messages states none
 
 Signal = Annotated[str, Field(pattern=r"^\w+\.\w+$", description="its message and name: Message.Signal")]
@@ -53,30 +44,14 @@ class Options(PluginOptions):
     channels: dict[Name, Signal] = Field(description="the signal of each channel")
     actuators: dict[Name, Output] = Field(default_factory=dict, description="those of each driven actuator")
 
-
-def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """Make the bench, not yet open."""
-    lines = Options.of(rig.backend.plugin).in_lines(rig.actuators)
-    return line_bench(rig, lines, clock, address_of(rig, options))
-
-
-def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """Return where the bus is, once all signals are known; the guard opens it too."""
-    refuse_unknown("option of the can backend", options, ("port", *Options.model_fields))
-    port = read_port(rig, options, "which CAN bus?", "e.g. '--port socketcan:can0'")
-    described = Options.of(rig.backend.plugin)
-    file = (Path() if rig.path is None else rig.path.parent) / described.dbc
-    known = {f"{message.name}.{signal.name}" for message in _messages(file) for signal in message.signals}
-    outputs = described.actuators.values()
-    for name in (*described.channels.values(), *(s for one in outputs for s in (one.set, one.state))):
-        require_known("signal", [name], sorted(known))
-    return Address("can", port, {**described.model_dump(), "dbc": str(file.absolute())})
-
-
-def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
-    """Open the port of an `Address`."""
-    until = time.monotonic() + _KNOWN_AFTER * float(settings["wake"])  # with the import of the library
-    return ClientPort(url, lambda: CanClient(url, settings, until), clock)
+    def client_settings(self, folder: Path) -> dict[str, Any]:
+        """Return what the client is given, once all signals are known."""
+        file = folder / self.dbc
+        known = {f"{message.name}.{signal.name}" for message in _messages(file) for signal in message.signals}
+        outputs = self.actuators.values()
+        for name in (*self.channels.values(), *(s for one in outputs for s in (one.set, one.state))):
+            require_known("signal", [name], sorted(known))
+        return {**super().client_settings(folder), "dbc": str(file.absolute())}
 
 
 def _messages(file: Path) -> list[Any]:
@@ -144,7 +119,10 @@ class CanClient:
                     raise PortLost(f"{self._name}: {message} has not come for {self._max_age:g} s")
             if word == "identify":
                 return f"device {self._name}"
-            return " ".join(self._text(name, actuator) for name, actuator in self._read)
+            return " ".join(
+                as_written(self._number(name), self._written.get(actuator), self._rounding(name))
+                for name, actuator in self._read
+            )
 
     def close(self) -> None:
         """Leave the bus; commands are no longer sent."""
@@ -170,7 +148,7 @@ class CanClient:
 
         def done() -> bool:
             came, _ = self._newest[state.partition(".")[0]]
-            return came > sent and self._is(state, number)
+            return came > sent and is_near(self._number(state), number, self._rounding(state))
 
         if self._wait(done, self._timeout):
             self._written[actuator] = text
@@ -195,16 +173,10 @@ class CanClient:
         message, _, signal = name.partition(".")
         return float(self._newest[message][1][signal])
 
-    def _is(self, name: str, number: float) -> bool:
-        """Return whether a signal holds a number, as it rounds it."""
+    def _rounding(self, name: str) -> float:
+        """Return by how much a signal may differ from what was written: half a step."""
         message, _, signal = name.partition(".")
-        step = abs(float(self._messages[message].get_signal_by_name(signal).scale))
-        return is_near(self._number(name), number, 0.5 * step)
-
-    def _text(self, name: str, actuator: str) -> str:
-        """Return the number of a signal; that of an output as it was written, if it is the same."""
-        written = self._written.get(actuator)
-        return written if written and self._is(name, float(written)) else f"{self._number(name):.15e}"
+        return 0.5 * abs(float(self._messages[message].get_signal_by_name(signal).scale))
 
     def _wait(self, condition: Callable[[], bool], limit: float) -> bool:
         with self._news:
@@ -222,3 +194,6 @@ class CanClient:
         with self._news:
             self._newest[message.name] = (time.monotonic(), signals)
             self._news.notify_all()
+
+
+BACKEND = PluginBackend("can", Options, CanClient, "which CAN bus?", "socketcan:can0")

@@ -14,21 +14,12 @@ from typing import Any
 
 from pydantic import Field
 
-from rigctl.backends.lines.create import line_bench
-from rigctl.backends.options import read_port, refuse_unknown
-from rigctl.backends.protocol import Backend
-from rigctl.backends.transport.address import Address
-from rigctl.backends.transport.client_port import ClientPort
-from rigctl.backends.transport.port import PortLost
-from rigctl.backends.transport.readback import is_near
-from rigctl.clock import Clock
+from rigctl import PluginBackend, PluginOptions, PluginOutput, PortLost
+from rigctl.backends.transport.readback import as_written
 from rigctl.files.name import Name
-from rigctl.rig import Rig
-from rigctl.rig.protocols.plugin_options import PluginOptions, PluginOutput
 
 _INVALID = 3  # the alarm severity of a value that is none
 _ENDS_WITHIN = 0.2  # s
-_KNOWN_AFTER = 0.8  # of `wake`, after which it waits no longer: rigctl, which does, is to know the reason
 
 
 class Output(PluginOutput):
@@ -43,25 +34,6 @@ class Options(PluginOptions):
 
     channels: dict[Name, str] = Field(description="the process variable of each channel")
     actuators: dict[Name, Output] = Field(default_factory=dict, description="those of each driven actuator")
-
-
-def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """Make the bench, not yet open."""
-    lines = Options.of(rig.backend.plugin).in_lines(rig.actuators)
-    return line_bench(rig, lines, clock, address_of(rig, options))
-
-
-def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """Return where the server is; the lock is on this address, and the guard opens it too."""
-    refuse_unknown("option of the epics backend", options, ("port", *Options.model_fields))
-    port = read_port(rig, options, "where is the EPICS server?", "e.g. '--port 192.168.0.30:5064'")
-    return Address("epics", port, Options.of(rig.backend.plugin).model_dump())
-
-
-def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
-    """Open the port of an `Address`."""
-    until = time.monotonic() + _KNOWN_AFTER * float(settings["wake"])  # with the import of the library
-    return ClientPort(url, lambda: EpicsClient(url, settings, until), clock)
 
 
 class EpicsClient:
@@ -150,9 +122,7 @@ class EpicsClient:
         found = self._connected(variable).read(data_type="time")
         if found.metadata.severity >= _INVALID:
             return "nan"
-        written = self._written.get(actuator)
-        number = float(found.data[0])
-        return written if written and is_near(number, float(written)) else f"{number:.15e}"
+        return as_written(float(found.data[0]), self._written.get(actuator))
 
     def _write(self, actuator: str, text: str) -> str:
         """Write a number, and wait until the server has processed it."""
@@ -176,3 +146,6 @@ def _search_at(address: str) -> None:
     if address not in known:
         os.environ["EPICS_CA_ADDR_LIST"] = " ".join([*known, address])
         os.environ.setdefault("EPICS_CA_AUTO_ADDR_LIST", "NO")
+
+
+BACKEND = PluginBackend("epics", Options, EpicsClient, "where is the EPICS server?", "192.168.0.30:5064")

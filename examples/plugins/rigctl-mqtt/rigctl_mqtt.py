@@ -15,21 +15,11 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from rigctl.backends.lines.create import line_bench
-from rigctl.backends.options import read_port, refuse_unknown
-from rigctl.backends.protocol import Backend
-from rigctl.backends.transport.address import Address
-from rigctl.backends.transport.client_port import ClientPort
-from rigctl.backends.transport.port import PortLost
-from rigctl.backends.transport.readback import is_near
-from rigctl.clock import Clock
+from rigctl import PluginBackend, PluginOptions, PluginOutput, PortLost
+from rigctl.backends.transport.readback import as_written, is_near
 from rigctl.files.name import Name
 from rigctl.files.quantity import Q
-from rigctl.rig import Rig
 from rigctl.rig.base import RigFilePart
-from rigctl.rig.protocols.plugin_options import PluginOptions, PluginOutput
-
-_KNOWN_AFTER = 0.8  # of `wake`, after which it waits no longer: rigctl, which does, is to know the reason
 
 
 class Output(PluginOutput):
@@ -55,25 +45,6 @@ class Options(PluginOptions):
     max_age: Annotated[float, Q("s", positive=True)] = Field(
         default=2.0, description="a value published longer ago is missing"
     )
-
-
-def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """Make the bench, not yet open."""
-    lines = Options.of(rig.backend.plugin).in_lines(rig.actuators)
-    return line_bench(rig, lines, clock, address_of(rig, options))
-
-
-def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """Return where the broker is; the lock is on this address, and the guard opens it too."""
-    refuse_unknown("option of the mqtt backend", options, ("port", *Options.model_fields))
-    port = read_port(rig, options, "where is the MQTT broker?", "e.g. '--port 192.168.0.40:1883'")
-    return Address("mqtt", port, Options.of(rig.backend.plugin).model_dump())
-
-
-def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
-    """Open the port of an `Address`."""
-    until = time.monotonic() + _KNOWN_AFTER * float(settings["wake"])  # with the import of the library
-    return ClientPort(url, lambda: MqttClient(url, settings, until), clock)
 
 
 class MqttClient:
@@ -165,8 +136,7 @@ class MqttClient:
         topic = self._outputs[actuator]["state"]
         if topic not in self._newest:
             return "nan"
-        number, written = self._number(topic), self._written.get(actuator)
-        return written if written and is_near(number, float(written)) else f"{number:.15e}"
+        return as_written(self._number(topic), self._written.get(actuator))
 
     def _number(self, topic: str) -> float:
         _, text = self._newest[topic]
@@ -221,3 +191,6 @@ class MqttClient:
             text = message.payload.decode("utf-8", "replace").strip()
             self._newest[message.topic] = (time.monotonic(), text)
             self._news.notify_all()
+
+
+BACKEND = PluginBackend("mqtt", Options, MqttClient, "where is the MQTT broker?", "192.168.0.40:1883")

@@ -10,6 +10,11 @@ def is_near(read: float, written: float, within: float = 0.0) -> bool:
     return abs(read - written) <= within + _ROUNDING * abs(written)
 
 
+def as_written(read: float, written: str | None, within: float = 0.0) -> str:
+    """Return the text of a number that was read: that of the command `written`, if it is the same number."""
+    return written if written and is_near(read, float(written), within) else f"{read:.15e}"
+
+
 def repeats(held: float, scale: float, offset: float, written: float) -> bool:
     """Return whether ``held * scale + offset`` is a number that was written elsewhere: a whole number that is
     held rounds it by half a step."""

@@ -7,6 +7,7 @@ file with it, with the same checks and messages as for the sections of its own p
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import Field
@@ -65,6 +66,19 @@ class PluginOptions(RigFilePart):
     def heartbeat(self) -> Beating | None:
         """No counter is written for the device."""
         return None
+
+    def client_settings(self, folder: Path) -> dict[str, Any]:
+        """Return what the client is given, JSON-compatible: all options.
+
+        A package overrides this to look into a file that its options name, relative to the `folder` of the
+        rig file, before the bench is opened.
+
+        Raises
+        ------
+        RigctlError
+            what the options name is not there.
+        """
+        return self.model_dump()
 
     def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
         """Return the line protocol of its client."""
