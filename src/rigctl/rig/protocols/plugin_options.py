@@ -30,7 +30,7 @@ class PluginOutput(RigFilePart):
 
 
 class PluginOptions(RigFilePart):
-    """What every such device has; a package says what its channels and actuators are.
+    """The options of a plug-in's device behind a protocol library; the package adds channels and actuators.
 
     Its client (`rigctl.backends.transport.client_port.Client`) answers ``identify`` with ``device`` and a
     text, ``read 0`` with the numbers of all channels and then the states of all actuators, and ``write NAME
