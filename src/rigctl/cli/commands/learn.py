@@ -262,7 +262,7 @@ def _resumed(
         raise RigctlError(
             "--resume: procedure, model, bench and records are those of the session",
             value=", ".join(given),
-            expected="of these none; --budget, --max-rounds and --precision can be changed",
+            expected="at most --budget, --max-rounds and --precision, which may change",
         )
     session = LearningFolder.find(find_project().root)
     session.reopen(budget=time, rounds=rounds, precision=precision)
