@@ -17,6 +17,7 @@ import pytest
 
 from commands import call, refusal
 from foreign_driver import DRIVERS, rig_with_driver
+from own_process import end_guards
 from patience import unhurried
 from protocol_servers import ScpiServer
 from rigctl.backends.python.permission import allowed, allowing, require_allowed
@@ -43,7 +44,7 @@ def server() -> Iterator[ScpiServer]:
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def project(tmp_path: Path, state_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr("rigctl.runner.rig_lock._state_folder", lambda: tmp_path / "locks")
     monkeypatch.setenv("PYTHONPATH", str(DRIVERS))
     monkeypatch.syspath_prepend(str(DRIVERS))
@@ -57,6 +58,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (tmp_path / "step.yaml").write_text(ENDLESS.replace("1 h", "0.5 s"), encoding="utf-8")
     with unhurried(), chdir(tmp_path):
         yield tmp_path
+    end_guards(state_folder)  # those of failed drivers, which would start another every few seconds
 
 
 def write_rig(folder: Path, *changes: tuple[str, str]) -> None:

@@ -167,12 +167,13 @@ def test_the_page_is_opened_in_the_user_s_browser(tmp_path: Path) -> None:
     program = f'"{Path(sys.executable).as_posix()}" "{copy.as_posix()}" %s "{(tmp_path / "seen").as_posix()}"'
     screen = {"BROWSER": program, "DISPLAY": ":0", "PYTHONUNBUFFERED": "1"}
     served = subprocess.Popen(
-        [sys.executable, "-P", "-m", "rigctl", "serve", str(project), "--port", "0", "--until-input-ends"],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
+        [sys.executable, "-P", "-m", "rigctl", "serve", str(project), "--port", "0"],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
         env={**os.environ, **own_state(tmp_path / "state"), **screen},
     )  # fmt: skip
     opened = _waited(lambda: (tmp_path / "seen").exists() or served.poll() is not None)
-    out, err = served.communicate("")
+    served.terminate()
+    out, err = served.communicate()
     assert opened, (out, err)
     address = next(word for word in out.split() if word.startswith("http://"))
     assert f'content="0; url={address}"' in (tmp_path / "seen").read_text(encoding="utf-8"), err
