@@ -277,6 +277,7 @@ def design_document(design: DesignResult) -> dict[str, Any]:
         "runs": list(design.runs),
         "model": design.model,
         "rivals": [one.document() for one in design.rivals],
+        "excluded": list(design.excluded),
         "outlooks": [one.document() for one in design.outlooks],
         "sharpened": [one.document() for one in design.sharpened],
         "separation_of_random": design.of_random,

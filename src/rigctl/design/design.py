@@ -38,12 +38,14 @@ from rigctl.design.result import (
 )
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
-from rigctl.design.rivals import Question, nothing_left, question_of, require_names
+from rigctl.design.rival_models import question_between
+from rigctl.design.rivals import Basis, Question, nothing_left, question_of, require_names
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.sensors import best_sensor, sensor_sets
 from rigctl.design.table_rows import design_rows
 from rigctl.engine.one_thread import one_thread
+from rigctl.errors import RigctlError
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.notebook import worded
@@ -63,6 +65,7 @@ def design_experiment(
     runs: Sequence[Run],
     model: Model,
     *,
+    others: Sequence[Model] = (),
     budget: float | None = None,
     records: int | None = None,
     separate: tuple[str, str] | None = None,
@@ -80,6 +83,7 @@ def design_experiment(
 
     Parameters
     ----------
+    others: further models: which of all of them is right is then the question, and no effect is looked for.
     budget: of bench time, s; without one only `records` limits the design.
     records: largest number of records; `MOST_RECORDS` by default.
     separate: the names of two effects to be distinguished, instead of all that the diagnosis leaves.
@@ -98,18 +102,26 @@ def design_experiment(
         bench's conditions cannot be set.
     """
     report = on_progress or no_progress
+    if others and (separate is not None or precise):
+        raise RigctlError("effects are distinguished in one model", expected="a single model, or no effects")
     if separate is not None:
         require_names(model, separate)
-    # 1. What is open. The diagnosis gives the rivals and the aim: discrimination, detection, or precision.
-    diagnosed = diagnosis or diagnose(
-        runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=report
-    )
-    question = question_of(diagnosed, separate, precise)
-    measured = diagnosed.before.fit.problem.measurements
+    # 1. What is open. The diagnosis gives the rivals and the aim: discrimination, detection, or precision. Of
+    # several models the question is which one is right.
+    if others:
+        basis, question = question_between(
+            runs, [model, *others], hold_out=hold_out, only=only, on_progress=report
+        )
+    else:
+        diagnosed = diagnosis or diagnose(
+            runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=report
+        )
+        basis, question = Basis.of(diagnosed), question_of(diagnosed, separate, precise)
+    measured = question.rivals[0].fit.problem.measurements
     if measured.table:
         if question.aim != "discrimination":
             raise nothing_left(diagnosed, _OF_TABLES)
-        return design_rows(diagnosed, question, records or MOST_RECORDS)
+        return design_rows(basis, question, records or MOST_RECORDS)
     rig = measured.rig
     assert rig is not None  # noqa: S101 - data with a course in time are of a bench
     report(f"Designing for {', '.join(one.name for one in question.rivals)}")
@@ -120,7 +132,7 @@ def design_experiment(
     except NothingToSet as error:
         raise design.sensor_instead(error) from None
     # 3. The predicted power of the chosen records, by draws and refits, and the answer for the user.
-    result = design.result(diagnosed, chosen)
+    result = design.result(basis, chosen)
     if not sensors and (result.separable or result.aim != "discrimination"):
         return result
     report("Evaluating the sensors that the bench could have")
@@ -144,7 +156,7 @@ def random_experiment(
     rig = question.rivals[0].fit.problem.measurements.rig
     assert rig is not None  # noqa: S101 - data with a course in time are of a bench
     design = _Design.on(question, rig, rig_reference(runs, rig), seed)
-    return design.result(diagnosis, design.at_random(records))
+    return design.result(Basis.of(diagnosis), design.at_random(records))
 
 
 def with_next_experiment(
@@ -309,7 +321,7 @@ class _Design:
 
     # --- description of the records
 
-    def result(self, diagnosis: Diagnosis, chosen: Sequence[Proposal]) -> DesignResult:
+    def result(self, basis: Basis, chosen: Sequence[Proposal]) -> DesignResult:
         """The answer."""
         steps = [self._after(chosen[:count]) for count in range(len(chosen) + 1)]
         timed = Ordered(tuple(range(len(chosen))), self.clock.in_order([one.recipe for one in chosen]))
@@ -317,8 +329,8 @@ class _Design:
             self._record(chosen, k, steps[k], steps[k + 1], timed.each[k]) for k in range(len(chosen))
         )
         return DesignResult(
-            runs=diagnosis.runs,
-            model=diagnosis.model,
+            runs=basis.runs,
+            model=basis.model,
             aim=self.question.aim,
             rivals=tuple(rival.described() for rival in self.question.rivals),
             outlooks=steps[-1].outlooks,
@@ -331,7 +343,8 @@ class _Design:
             of_random=self._of_random(),
             simulated=self.workshop.tried,
             writer=self.writer,
-            diagnosis=diagnosis,
+            diagnosis=basis.diagnosis,
+            excluded=basis.excluded,
         )
 
     def sensor_instead(self, refused: NothingToSet) -> NothingToSet:

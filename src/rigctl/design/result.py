@@ -272,6 +272,7 @@ class DesignResult:
     before, after: probability that a verdict distinguishes the right one from all others, now and with the
         records.
     duration: bench time, s.
+    excluded: of several models, those that the data so far exclude.
     writer: of the records as a procedure; None for the rows of a table.
     sensor: the most useful one if no record reaches a probability of a half, or if requested.
     sensors: every set that was evaluated, the cheapest first.
@@ -299,6 +300,7 @@ class DesignResult:
     sharpened: tuple[PrecisionGain, ...] = ()
     of_random: float = 0.0
     simulated: int | None = None
+    excluded: tuple[str, ...] = ()
     writer: Writer | None = field(default=None, repr=False)
     diagnosis: Diagnosis | None = field(default=None, repr=False)
 

@@ -77,7 +77,12 @@ class Rival:
         return np.array([unknown.size for unknown in self.fit.problem.shared])
 
     def contains(self, other: Rival) -> bool:
-        """Whether it becomes the other one at a limit of its parameters: then no data distinguish them."""
+        """Whether it becomes the other one at a limit of its parameters: then no data distinguish them.
+
+        Of models that a user gave, only those that are the same with further effects are known to.
+        """
+        if not self.trial.candidates and not other.trial.candidates and self.name != NONE != other.name:
+            return _extends(self.fit.problem.model, other.fit.problem.model)
         mine, others = {*self.trial.effects}, {*other.trial.effects}
         if others <= mine:
             return True
@@ -101,6 +106,33 @@ class Rival:
             chi2_reduced=fit.chi2_reduced,
             std=fit.std,
         )
+
+
+def _extends(model: Model, other: Model) -> bool:
+    return model.same_bench(other) and {*other.effects} <= {*model.effects}
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What a question was found in.
+
+    Attributes
+    ----------
+    runs: their ids.
+    model: its name; of several, all of them.
+    diagnosis: of the model; None for a choice between models.
+    excluded: names of models between which there is no choice any more.
+    """
+
+    runs: tuple[str, ...]
+    model: str
+    diagnosis: Diagnosis | None = None
+    excluded: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, diagnosis: Diagnosis) -> Basis:
+        """A diagnosis, which leaves the question open."""
+        return cls(diagnosis.runs, diagnosis.model, diagnosis)
 
 
 @dataclass(frozen=True)
@@ -240,7 +272,7 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
     # dropped.
     candidates = [_rival_of(diagnosis, name, _trial_of(diagnosis, name)) for name in sorted(names)]
     candidates.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
-    rivals = _weighed(candidates)
+    rivals = weighed(candidates)
     if len(rivals) < 2 or not names:
         raise nothing_left(diagnosis)
     if diagnosis.instead_of_sensors:
@@ -273,7 +305,7 @@ def _requested(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
         (other,) = {*separate} - {name}
         trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name, without=other)
         candidates.append(_rival_of(diagnosis, name, trial))
-    rivals = _weighed(candidates, least=_LEAST_WEIGHT)
+    rivals = weighed(candidates, least=_LEAST_WEIGHT)
     pairs = ((0, 1), (1, 0))
     return Question("discrimination", rivals, pairs, _library(diagnosis), alike=_alike(diagnosis))
 
@@ -364,13 +396,13 @@ def _rival_of(diagnosis: Diagnosis, name: str, trial: RefittedSet) -> Rival:
     return Rival(name, trial, trial.mbic(*_price(diagnosis)), 1.0)
 
 
-def _weighed(candidates: Sequence[Rival], least: float = 0.0) -> tuple[Rival, ...]:
-    """With ``exp(−ΔmBIC/2)`` as weights, the most probable first, and no more than `MOST_RIVALS`."""
+def weighed(candidates: Sequence[Rival], least: float = 0.0, most: int = MOST_RIVALS) -> tuple[Rival, ...]:
+    """With ``exp(−ΔmBIC/2)`` as weights, the most probable first, and no more than `most`."""
     best = min(one.mbic for one in candidates)
     factor = min(candidates, key=lambda one: one.mbic).overdispersion
     weights = [max(math.exp(-0.5 * min((one.mbic - best) / factor, 1400.0)), least) for one in candidates]
     weighted = [replace(one, weight=weight) for one, weight in zip(candidates, weights, strict=True)]
-    likeliest = sorted(weighted, key=lambda one: (-one.weight, one.name))[:MOST_RIVALS]
+    likeliest = sorted(weighted, key=lambda one: (-one.weight, one.name))[:most]
     total = sum(one.weight for one in likeliest)
     return tuple(replace(one, weight=one.weight / total) for one in likeliest)
 

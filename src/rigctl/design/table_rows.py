@@ -1,6 +1,6 @@
 """The rows to add to a table of single values: operating points at which the rivals differ most.
 
-In: a diagnosis of a table and the question that it leaves. Out: a `DesignResult` of rows. A row is a single
+In: the question that a table leaves open. Out: a `DesignResult` of rows. A row is a single
 value at an operating point, so nothing but the point is varied. A row has no procedure and no bench time,
 because how it was taken was not recorded.
 """
@@ -14,23 +14,27 @@ from itertools import product
 
 import numpy as np
 
-from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.design.criterion import Discrimination
 from rigctl.design.information import Evidence
 from rigctl.design.information_so_far import known_so_far
 from rigctl.design.power import Gain
-from rigctl.design.result import DesignResult, PredictedPower, ProposedRecord
-from rigctl.design.rivals import Question
+from rigctl.design.refusals import NothingLeft
+from rigctl.design.result import HALF, DesignResult, PredictedPower, ProposedRecord
+from rigctl.design.rivals import Basis, Question
 from rigctl.design.scheme import Free, allowed, tenth
 from rigctl.design.virtual_records import predict
 from rigctl.model.inputs import input_sources
 from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.rig.rig import Rig
+from rigctl.rig.setting import POSITIONS
 from rigctl.units import parse_unit, show
+from rigctl.wording import listed, noun
 
 #: number of values of each variable, and how far they go beyond the table's range, as a share of its width
 _VALUES, _BEYOND = 9, 0.25
+#: D of all candidates together, nothing else known, below which a model fits whatever another one predicts
+_NOTHING = 1.0
 #: a set is complete at this probability
 _ENOUGH = 0.95
 
@@ -43,7 +47,7 @@ class _Row:
     evidence: Evidence
 
 
-def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignResult:
+def design_rows(basis: Basis, question: Question, most: int) -> DesignResult:
     """The most informative rows, one after the other, each given the information in those before it.
 
     Only for rivals that are to be distinguished.
@@ -52,7 +56,11 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
     criterion = Discrimination(question, known)
     measurements = question.rivals[0].fit.problem.measurements
     # As for records, without what rows do not have: schemes, limits, bench time, draws.
-    chosen = _chosen(criterion, _candidates(question, measurements), most)
+    candidates = _candidates(question, measurements)
+    if basis.diagnosis is None:
+        question = _within_reach(criterion, _evidence(candidates))
+        criterion = Discrimination(question, known)
+    chosen = _chosen(criterion, candidates, most)
     steps = [_evidence(chosen[:count]) for count in range(len(chosen) + 1)]
     chances = [0.0 if one is None else criterion.predicted_probability(one) for one in steps]
     separations = [0.0 if one is None else criterion.separation(one) for one in steps]
@@ -74,8 +82,8 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
         for k, row in enumerate(chosen)
     )
     return DesignResult(
-        runs=diagnosis.runs,
-        model=diagnosis.model,
+        runs=basis.runs,
+        model=basis.model,
         aim="discrimination",
         rivals=tuple(rival.described() for rival in question.rivals),
         outlooks=_outlooks(criterion, steps[-1]),
@@ -84,8 +92,41 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
         before=chances[0],
         after=chances[-1],
         duration=0.0,
-        diagnosis=diagnosis,
+        diagnosis=basis.diagnosis,
+        excluded=basis.excluded,
     )
+
+
+def _within_reach(criterion: Discrimination, every: Evidence | None) -> Question:
+    """The question without pairs of models that no rows would distinguish, since the rival contains it.
+
+    A rival contains the other one if it has more parameters, and fits all the rows at once as that one
+    predicts them, whatever the data so far say of its parameters.
+
+    Raises
+    ------
+    NothingLeft
+        all others left contain the most probable one, and if one of them were right, as it is fitted now, not
+        even all the rows at once would show it.
+    """
+    question = criterion.question
+    if every is None:
+        return question
+    free = np.array([len(one.fit.problem.shared) for one in question.rivals])
+    contained = (every.distances(criterion.known.prior) < _NOTHING) & (free[:, None] < free)
+    distances = criterion.distances(every)
+    more = [
+        criterion.of_pair((j, 0), Gain(distances[j, :1], distances[j, :1]), distances)
+        for j in range(1, free.size)
+    ]
+    if all(contained[0, 1:]) and max(more) < HALF:
+        best, *others = (one.name for one in question.rivals)
+        raise NothingLeft(
+            f"nothing is left to distinguish: {best} is the simplest model that these data leave; "
+            f"{listed(others)} {noun(len(others), 'fits', 'fit')} whatever {best} predicts",
+            value=best,
+        )
+    return replace(question, pairs=tuple(pair for pair in question.pairs if not contained[pair]))
 
 
 def _candidates(question: Question, measurements: Measurements) -> list[_Row]:
@@ -104,7 +145,13 @@ def _candidates(question: Question, measurements: Measurements) -> list[_Row]:
 
 
 def _values(name: str, rows: Sequence[MeasuredRecord], measurements: Measurements) -> list[float]:
-    """The values of one variable, over the table's range and a little beyond, within the rig's limits."""
+    """The values of one variable, over the table's range and a little beyond, within the rig's limits.
+
+    Of a switch or a valve they are its positions.
+    """
+    actuator = measurements.rig.actuators.get(name) if measurements.rig is not None else None
+    if actuator is not None and actuator.kind in POSITIONS:
+        return sorted(POSITIONS[actuator.kind].values())
     values = [row.condition[name] for row in rows if name in row.condition]
     width = max(values) - min(values)
     low, high = _allowed(name, min(values) - _BEYOND * width, max(values) + _BEYOND * width, measurements.rig)

@@ -36,6 +36,7 @@ from rigctl.answers.numbers import probability
 from rigctl.design.result import HALF, DesignResult, LargestDifference, ProposedRecord, SensorSet
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
+from rigctl.wording import listed
 
 #: how to read the tables
 _READING = (
@@ -56,6 +57,8 @@ def design_answer(result: DesignResult) -> Answer:
     facts = [
         ("either" if not number else "or", text) for number, text in enumerate(explanations_in_words(result))
     ]
+    if result.excluded:
+        facts.append(("excluded", f"{listed(result.excluded)}, with odds of more than {ODDS} to 1"))
     facts += [(f"record {number}", in_words(one)) for number, one in enumerate(result.records, start=1)]
     probable = {one.name for one in result.rivals if one.weight > 1.0 / ODDS}
     # A pair is named as hardly distinguished only if the one assumed true is probable at all: a pair of

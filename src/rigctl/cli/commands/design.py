@@ -1,6 +1,7 @@
 """`rigctl design`: what to measure next in order to distinguish the remaining explanations.
 
-In: runs and a model, whose diagnosis leaves a question open, or two effects named by the user. Out: an
+In: runs and a model, whose diagnosis leaves a question open, or two effects named by the user, or several
+models of which one is right. Out: an
 answer, and on request a procedure, a work sheet for a bench without rigctl, and a page. The design is
 made by `rigctl.design.design`.
 
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import print_json
-from rigctl.cli.options.analysis import AsPage, Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.options.analysis import AsPage, Assume, HoldOut, Only, Runs
 from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
@@ -32,7 +33,16 @@ if TYPE_CHECKING:
 
 def design(
     runs: Runs,
-    model: OneModel,
+    model: Annotated[
+        list[Path],
+        typer.Option(
+            "--model",
+            "-m",
+            metavar="M",
+            help="Model file; M@3 is its version 3; repeatable, to find out which of several is right.",
+            show_default=False,
+        ),
+    ],
     hold_out: HoldOut = None,
     only: Only = None,
     *,
@@ -107,6 +117,8 @@ def design(
       rigctl design latest --model models/hl32-textbook.yaml -o next.yaml
 
       rigctl design latest --model models/hl32-textbook.yaml --budget 30m --records 2
+
+      rigctl design latest --model models/first.yaml --model models/second.yaml
     """
     from rigctl.cli.progress import progress_display
 
@@ -128,11 +140,12 @@ def design(
         if sheet is not None:
             require_output(sheet, option="")
         require_page(page, force=force)
-        (opened,) = open_models([model])
+        opened, *others = open_models(model)
         measured = open_runs(runs, opened, assume)
         result = design_experiment(
             measured,
             opened,
+            others=others,
             budget=seconds,
             records=records,
             separate=pair,
@@ -156,7 +169,7 @@ def design(
         show(whole_design(result)) if verbose else show_answer(design_answer(result))
         choice = DataOptions(only, hold_out, assume or (), family)
         own = _own_options(budget, records, separate, seed, sensors=sensors)
-        _suggest_next(result, runs, model.as_posix(), choice, own, output)
+        _suggest_next(result, runs, [one.as_posix() for one in model], choice, own, output)
 
 
 def read_budget(text: str) -> float:
@@ -238,7 +251,7 @@ def _own_options(
 def _suggest_next(
     result: DesignResult,
     runs: list[str],
-    model: str,
+    models: Sequence[str],
     choice: DataOptions,
     own: Sequence[str],
     output: Path | None,
@@ -247,10 +260,14 @@ def _suggest_next(
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import DataOptions, analysis, command
 
-    again = analysis("design", runs, model, choice, *own)
-    diagnosis = analysis("diagnose", runs, model, choice)
+    first, *others = models
+    rivals = [word for other in others for word in ("--model", other)]
+    again = analysis("design", runs, first, choice, *rivals, *own)
+    diagnosis = analysis("diagnose", runs, first, choice)
     rows = bool(result.records) and not result.procedure
-    if rows:
+    if others and (rows or not result.records):
+        show_next(analysis("compare", runs, first, choice, *rivals), "shows where each model fails")
+    elif rows:
         show_next(diagnosis, "shows what other than rows would distinguish them")
     elif not result.separable and result.aim != "precision" and "--sensors" not in own:
         show_next(f"{again} --sensors", "shows which sensor would distinguish them")
