@@ -1,7 +1,8 @@
 """rigctl beside published figures: ``python -m benchmarks.scoreboard --nist FOLDER``.
 
 The logs of real benches are read from the folder that RIGCTL_REAL_DATA names, the regressions of NIST from
-the other; what is not asked for keeps its stored results. `make docs` then writes the page.
+the other; the rival models need no files (``--rivals bff1983 --seeds 10``). What is not asked for keeps its
+stored results. `make docs` then writes the page.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.record import keep
+from benchmarks.scoreboard.discrimination import same_searches, searched
 from benchmarks.scoreboard.nist import fits
 from benchmarks.scoreboard.page import RESULTS
+from benchmarks.scoreboard.rival_cases import CASES
 from rigctl_validation.real.logs import LOGS
 from rigctl_validation.real.trial import RealTrial
 from rigctl_validation.real.work import carry_out_real
@@ -28,19 +31,30 @@ def main() -> None:
     parser.add_argument("logs", nargs="*", help=f"of {', '.join(LOGS)}; all by default")
     parser.add_argument("--nist", type=Path, metavar="FOLDER", help="the files of NIST, *.dat")
     parser.add_argument("--only-nist", action="store_true", help="leave the real benches as they are stored")
+    parser.add_argument("--rivals", nargs="*", choices=CASES, help="cases of rival models, and nothing else")
+    parser.add_argument("--seeds", type=int, default=10, help="of each case of rival models")
+    parser.add_argument(
+        "--at-random", action="store_true", help="with rows at random instead of designed ones"
+    )
     options = parser.parse_args()
     known: Mapping[str, Any] = {}
     if RESULTS.exists():
         known = json.loads(RESULTS.read_text(encoding="utf-8"))["results"]
     benches = {bench["log"]: bench for bench in known.get("benches", ())}
-    for name in () if options.only_nist else options.logs or LOGS:
+    searches: list[Mapping[str, Any]] = list(known.get("discrimination", ()))
+    for name in () if options.only_nist or options.rivals is not None else options.logs or LOGS:
         benches[name] = _bench(name)
         print(benches[name], flush=True)
     regressions: Sequence[Mapping[str, Any]] = known.get("nist", ())
     if options.nist is not None:
         regressions = [asdict(one) for one in fits(options.nist)]
+    for name in options.rivals or ():
+        found = searched(CASES[name](), range(options.seeds), designed=not options.at_random)
+        print(found, flush=True)
+        searches = [one for one in searches if not same_searches(one, found)] + [found]
     ordered = [benches[name] for name in LOGS if name in benches]
-    keep(RESULTS.parent, {"benches": ordered, "nist": regressions}, "numpy", "scipy")
+    results = {"benches": ordered, "nist": regressions, "discrimination": searches}
+    keep(RESULTS.parent, results, "numpy", "scipy")
 
 
 def _bench(name: str) -> dict[str, Any]:
