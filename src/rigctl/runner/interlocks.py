@@ -351,6 +351,7 @@ class Interlocks:
         self._driving: dict[int, float] | None = None
         self._silent = False
         self._heard: dict[str, float] = {}  # s, newest reading of each of several devices
+        self._rate = math.nan  # Hz, for which the following hold
         self._limits: dict[str, float] = {}  # s, longest silence of each
         self.silent_devices: set[str] = set()  #: of several, those whose silence has raised an alarm
 
@@ -428,13 +429,9 @@ class Interlocks:
         since: s, when sampling was started.
         rate: of the bench, Hz; a slow device is read less often.
         """
-        for device in self._rig.devices:
-            limit = self._rig.silence_limit(device, rate)
-            # The silence is counted from now: what was on time at the old rate would be too late at the new
-            # one.
-            if limit < self._limits.get(device, 0.0):  # it is read more often from now on
-                self._heard[device] = now
-            self._limits[device] = limit
+        if rate != self._rate:
+            self._set_rate(now, rate)
+        for device, limit in self._limits.items():
             silence = now - self._heard.get(device, since)
             if device in self.silent_devices or silence < limit - _SLACK:
                 continue
@@ -444,6 +441,15 @@ class Interlocks:
             message += _stated_silence(self._rig, device, limit)
             return device, Alarm(now, f"{device} stale", "", "stop", message, silence)
         return "", None
+
+    def _set_rate(self, now: float, rate: float) -> None:
+        """Take note of the rate, Hz, from which the longest silence of each device follows."""
+        before, self._rate = self._limits, rate
+        self._limits = {device: self._rig.silence_limit(device, rate) for device in self._rig.devices}
+        # The silence is counted from now: what was on time at the old rate would be too late at the new one.
+        for device, limit in self._limits.items():
+            if limit < before.get(device, 0.0):  # it is read more often from now on
+                self._heard[device] = now
 
     def silence_limit(self, period: float) -> float:
         """Longest allowed time without a sample, s."""

@@ -172,31 +172,31 @@ class CombinedBench:
             while not inbox.samples:
                 left = give_up - monotonic()
                 # Samples in hand come first, also those of a device that is lost since.
-                needed = {name: why for name, why in inbox.lost.items() if self._needs(name)}
-                if gone := needed.keys() - self._announced:
-                    self._announced |= gone  # raise at the next call: notices must be fetched first
-                    return None
-                for device, why in needed.items():
-                    raise lost(device, why)
-                if self._given_up():
+                if inbox.lost and self._lost():
                     return None
                 if inbox.answered or left <= 0.0:
                     return None
                 inbox.arrived.wait(left)
-            device, sample = inbox.samples.pop(0)
+            device, sample = inbox.samples.popleft()
+            switched, inbox.switched = inbox.switched, []
         # Switches before the sample: a command that was carried out before this reading is in force in its
         # row.
-        self._take_switches()
+        for receipt in switched:
+            self._merging.switched(receipt)
         return self._merging.sample(device, sample)
 
     def take_receipts(self) -> list[CommandReceipt]:
         """Return the ends of pulses, and switches made by the devices themselves."""
+        if not self._inbox.receipts:  # looked at after each sample; what arrives now is taken after the next
+            return []
         with self._inbox.arrived:
             taken, self._inbox.receipts = self._inbox.receipts, []
         return taken
 
     def take_notices(self) -> list[Notice]:
         """Return the notices of all devices, each with the name of its device."""
+        if not self._inbox.notices:
+            return []
         with self._inbox.arrived:
             taken, self._inbox.notices = self._inbox.notices, []
         return taken
@@ -326,6 +326,22 @@ class CombinedBench:
         if isinstance(error, BackendLost) and safe:
             error.what += f"; confirmed safe: {', '.join(sorted(safe))}"
         return error
+
+    def _lost(self) -> bool:
+        """Return if a device is newly lost, whose notices are fetched first.
+
+        Raises
+        ------
+        BackendLost
+            the bench is lost with it, and its notices could be fetched.
+        """
+        needed = {name: why for name, why in self._inbox.lost.items() if self._needs(name)}
+        if gone := needed.keys() - self._announced:
+            self._announced |= gone
+            return True
+        for device, why in needed.items():
+            raise lost(device, why)
+        return self._given_up()
 
     def _given_up(self) -> bool:
         """Say once of each device that the bench does without that it is gone for good; return if any is.

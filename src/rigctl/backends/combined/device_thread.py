@@ -11,6 +11,7 @@ interrupted: `safe` waits for its turn, and the runner for `safe` with a limit.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -49,7 +50,7 @@ class Inbox:
     """
 
     arrived: Condition = field(default_factory=Condition)
-    samples: list[tuple[str, Sample]] = field(default_factory=list)
+    samples: deque[tuple[str, Sample]] = field(default_factory=deque)
     receipts: list[CommandReceipt] = field(default_factory=list)
     switched: list[CommandReceipt] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)

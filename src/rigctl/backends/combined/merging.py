@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from bisect import insort
+from collections.abc import Sequence
 from operator import itemgetter
 
 from rigctl.backends.protocol import CommandReceipt, Reading, Sample
 from rigctl.rig import Rig
+
+#: before the bench is sampled at a known rate
+_ANY_AGE: tuple[float, Sequence[tuple[int, float]]] = (math.inf, ())
 
 #: changes of each command that are remembered, for readings that arrive after them
 _REMEMBERED = 1000
@@ -27,22 +31,22 @@ class Merging:
             name: tuple(layout.commands.index(command) for command in part.layout.commands)
             for name, part in rig.parts.items()
         }
-        self._nothing = (math.nan,) * len(layout.channels)
-        self._newest = list(self._nothing)
+        self._nothing = [math.nan] * len(layout.channels)
+        self._newest = self._nothing.copy()
         self._commanded = [float(rig.safe_state.get(name, 0.0)) for name in layout.commands]  # once open
         #: of each command since when (s) it has had which value
         self._changes = [[(-math.inf, value)] for value in self._commanded]
         self.read_at: dict[str, float] = {}  #: time of each device's newest reading, s
-        #: age at which the values of each device's channels are none any more, s, in the order of its columns
-        self._limits: dict[str, tuple[float, ...]] = {}
+        #: by device: the age at which the first of its channels has no value any more, s, and that of each
+        self._limits: dict[str, tuple[float, Sequence[tuple[int, float]]]] = {}
         self._changed = self._time = -math.inf
 
     def start(self, rate: float) -> None:
         """Take note of the rate at which the bench is sampled, Hz."""
-        self._limits = {
-            name: tuple(self._rig.stale_limit(channel, rate) for channel in part.layout.channels)
-            for name, part in self._rig.parts.items()
-        }
+        for name, part in self._rig.parts.items():
+            limits = [self._rig.stale_limit(channel, rate) for channel in part.layout.channels]
+            each = tuple(zip(self._channels[name], limits, strict=True))
+            self._limits[name] = min(limits, default=math.inf), each
 
     def switched(self, receipt: CommandReceipt) -> None:
         """Take note of a command that has been carried out, before its device is read again."""
@@ -50,9 +54,9 @@ class Merging:
 
     def sample(self, device: str, sample: Sample) -> Sample:
         """Return the sample of the whole bench for a device's own one."""
-        own = list(self._nothing)
+        own, newest = self._nothing.copy(), self._newest
         for column, value in zip(self._channels[device], sample.values, strict=True):
-            own[column] = self._newest[column] = value
+            own[column] = newest[column] = value
         for column, value in zip(self._commands[device], sample.commands, strict=True):
             self._note(sample.time, column, value)
         self.read_at[device] = sample.time
@@ -69,18 +73,17 @@ class Merging:
 
         Their age is that at the newest reading: what is fetched late, after a stall, is not old.
         """
-        old = [
-            column
-            for name, time in self.read_at.items()
-            if name != read
-            for column, limit in zip(self._channels[name], self._limits.get(name, ()), strict=False)
-            if self._time - time > limit
-        ]
-        if not old:
-            return tuple(self._newest)
-        values = list(self._newest)
-        for column in old:
-            values[column] = math.nan
+        values = self._newest
+        for name, time in self.read_at.items():
+            first, limits = self._limits.get(name, _ANY_AGE)
+            age = self._time - time
+            if age <= first or name == read:
+                continue
+            if values is self._newest:
+                values = values.copy()
+            for column, limit in limits:
+                if age > limit:
+                    values[column] = math.nan
         return tuple(values)
 
     def _note(self, time: float, column: int, value: float) -> None:
@@ -88,7 +91,8 @@ class Merging:
         # A history and not the newest value alone: the reading of a slow device arrives after commands that
         # were given since, and must state those that were in force when it was taken.
         changes = self._changes[column]
-        if _at(changes, time) == value:
+        newest = changes[-1]
+        if (newest[1] if newest[0] <= time else _at(changes, time)) == value:
             return
         insort(changes, (time, value), key=itemgetter(0))
         del changes[:-_REMEMBERED]

@@ -3,7 +3,8 @@
 A late answer would be taken for the answer to the next query. Unsolicited lines are therefore discarded
 before each query, and after a missing or unexpected answer the line is resynchronised: rigctl waits until it
 is quiet and, if the device has an identity query, sends it and reads until the answer is the identity. An
-identity that was asked for and came too late may still come: it is no answer to anything else. One that
+identity that was asked for and came too late may still come: it is no answer to anything else, and what
+follows it may be late as well (see docs/decisions/0205-no-answer-is-believed-out-of-step.md). One that
 nobody asked for is what many devices send when they start: the device has restarted.
 """
 
@@ -24,6 +25,9 @@ _QUIET = 0.1  # s
 _REMEMBERED = 20  # answers of which the slowest is known
 _KEPT, _WIDTH = 3, 60  # number and length of the unsolicited lines whose text is kept
 _LONGEST_NOISE = 1.0  # longest uninterrupted output of a line-based device, s
+#: reads of what has arrived before a query, and lines before an answer: no device that never stops sending
+#: holds up an ending
+_MOST = 1000
 
 
 class WrongAnswer(Refused):
@@ -74,7 +78,7 @@ class LineClient:
         self.last_sent = clock.now()  #: s
         self.last_answer = clock.now()  #: s
         self._in_step = True  # no answer to an earlier query is outstanding
-        self._identities_due = 0  # that were asked for and may still arrive
+        self._identities_due: deque[float] = deque()  # s, when those were asked for that may still arrive
         self._making_safe = False  # a restart is no reason not to do so
         self.identity: Mapping[str, str] | None = None  #: of the device, once it is known
 
@@ -97,7 +101,7 @@ class LineClient:
         """Send a command without waiting."""
         self.last_sent = self._clock.now()
         if self._lines.identify is not None and text == self._lines.identify.send:
-            self._identities_due += 1
+            self._identities_due.append(self.last_sent)
         self.port.write(text.encode("utf-8") + self._send_ends)
 
     def ask(self, exchange: Exchange, *, tries: int | None = None) -> LineReply:
@@ -121,7 +125,8 @@ class LineClient:
         text: the command, if it contains a value.
         tries, timeout: override those of the rig file.
         fits: returns whether the fields of an answer are valid, e.g. numbers.
-        anyway: whether to send it even if the line cannot be resynchronised, for commands that make safe.
+        anyway: whether to send it even if the line cannot be resynchronised, for commands that make safe. No
+            answer on such a line confirms it: it may be that to an earlier command.
 
         Raises
         ------
@@ -137,15 +142,18 @@ class LineClient:
         # Each attempt: get into step if the last answer is missing, drop what nobody asked for, send, read.
         for attempt in range(tries or self._lines.tries):
             if attempt or not self._in_step:
+                patience = timeout or self._lines.timeout * self._lines.tries
                 try:
-                    yield from self._synchronise(command, timeout or self._lines.timeout * self._lines.tries)
+                    yield from self._synchronise(command, patience)
                 except (WrongAnswer, NoAnswer):
                     if wrong:  # the error names the unexpected answer to this query instead
                         break
-                    # For safe commands an unsynchronised line is no obstacle: off is sent into whatever there
-                    # is.
                     if not anyway:
                         raise
+                    # For safe commands an unsynchronised line is no obstacle: off is sent into whatever there
+                    # is. It is sent once more, and believed, if the device comes into step after that.
+                    self.send(command)
+                    yield from self._synchronise(command, patience)
             self._drop_stray()
             # From the sending on, until the answer is here: whoever breaks off in between leaves an answer
             # outstanding.
@@ -163,8 +171,9 @@ class LineClient:
                 self._in_step = True
                 self.last_answer = self._clock.now()
                 self._took.append(self.last_answer - sent)
-                if exchange != self._lines.identify:  # answers come in order: none is due from before
-                    self._identities_due = 0
+                # Answers come in order: none is due from before.
+                if self._identities_due and exchange != self._lines.identify:
+                    self._identities_due.clear()
                 return LineReply(found, sent, self._clock.now())
             if found is not None:
                 wrong = self._misfit(" / ".join(found.values()))
@@ -187,24 +196,25 @@ class LineClient:
         """Return the fields of an answer, or None and the unexpected line (empty for silence)."""
         found: dict[str, str] = {}
         for pattern in exchange.patterns:
-            line = yield from self._line(deadline)
             # A late identity, or the greeting of a restarted device, may come between query and answer: it is
             # skipped, or raises `DeviceRestarted`.
-            while line is not None and pattern.match(line) is None and self._is_identity(line):
-                self._unasked(line)
+            for _ in range(_MOST):
                 line = yield from self._line(deadline)
+                matched = None if line is None else pattern.match(line)
+                if line is None or matched is not None or not self._is_identity(line):
+                    break
+                self._unasked(line)
             if line is None:
                 return None, ""
             # An error is an answer to this query: the line is in step.
             if any(error.match(line) is not None for error in self._lines.error_patterns):
                 self._in_step = True
                 raise WrongAnswer(command, line)
-            matched = pattern.match(line)
             if matched is None:
                 return None, line
             found.update(matched)
-        if exchange == self._lines.identify:
-            self._identities_due = max(self._identities_due - 1, 0)
+        if self._identities_due and exchange == self._lines.identify:
+            self._identities_due.popleft()
         return found, ""
 
     def _misfit(self, line: str) -> str:
@@ -234,7 +244,7 @@ class LineClient:
             return
         # One of those that were asked for and given up.
         if self._identities_due:
-            self._identities_due -= 1
+            self._identities_due.popleft()
         # Once: what follows on this connection, until it is opened anew, is a device that starts.
         elif self.established and not self._making_safe:
             self.established = False
@@ -258,12 +268,15 @@ class LineClient:
         return bool(data)
 
     def _drop_stray(self) -> None:
-        while self.take(self._clock.now()):
-            pass
+        for _ in range(_MOST):
+            if not self.take(self._clock.now()):
+                break
         self._discard()
 
     def _discard(self) -> None:
         """Take what has arrived for unsolicited lines."""
+        if not self._rest:
+            return
         *complete, rest = self._rest.split(self._reply_ends)
         self._rest = b""
         for line in [*complete, rest]:
@@ -285,43 +298,69 @@ class LineClient:
         AnotherDevice
             its identity is twice not that of before.
         """
+        # 1. Wait until the line is quiet: what is still on its way belongs to earlier queries. Without an
+        #   identity that is all there is to tell: it lasts as long as an answer may take.
+        identify = self._lines.identify
+        answer = min(patience, self._lines.timeout) if identify is None else 0.0
         self._in_step = True
-        # 1. Wait until the line is quiet: what is still on its way belongs to earlier queries.
-        give_up = self._clock.now() + _LONGEST_NOISE
-        quiet = min(self._clock.now() + _QUIET, give_up)
+        yield from self._silence(max(_QUIET, answer))
+        if identify is None:
+            return
+        # 2. Ask for the identity, and read on until it comes: everything before it is late, everything after
+        #   it is in step.
+        self._in_step = False
+        self.send(identify.send)
+        wrong = yield from self._identified(identify, patience)
+        self._in_step = wrong is None
+        if wrong:
+            raise WrongAnswer(identify.send, wrong, " / ".join(identify.reply))
+        if wrong is not None:
+            raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
+
+    def _silence(self, silence: float) -> Conversation[None]:
+        """Wait until nothing has arrived for `silence` s, and discard what has."""
+        give_up = self._clock.now() + silence + _LONGEST_NOISE
+        quiet = self._clock.now() + silence
         while self._clock.now() < quiet:
             heard = self._bytes
             yield quiet
             if self._bytes != heard:
-                quiet = min(self._clock.now() + _QUIET, give_up)
+                quiet = min(self._clock.now() + silence, give_up)
         self._discard()
-        # 2. Ask for the identity, and read on until it comes: everything before it is late, everything after
-        #   it is in step. A device without an identity has to do with the silence.
-        identify = self._lines.identify
-        if identify is None:
-            return
-        self._in_step = False
-        self.send(identify.send)
+
+    def _identified(self, identify: Exchange, patience: float) -> Conversation[str | None]:
+        """Read the newest identity that was asked for, and return None; otherwise what came instead of it."""
         deadline = self._clock.now() + patience
-        wrong, stranger = "", False
-        while (line := (yield from self._line(deadline))) is not None:
+        wrong, stranger, late = "", False, False
+        for _ in range(_MOST):
+            line = yield from self._line(deadline)
+            if line is None:
+                break
             found = identify.patterns[0].match(line)
             if found is not None:
-                self._identities_due = max(self._identities_due - 1, 0)
                 for pattern in identify.patterns[1:]:
                     found = {**found, **(pattern.match((yield from self._line(deadline)) or "") or {})}
-                if self.identity is None or found == self.identity:
-                    self._in_step = True
-                    return
+                asked = self._identities_due.popleft() if self._identities_due else self._clock.now()
+                same = self.identity is None or found == self.identity
+                # It may be the answer to an earlier query. What was sent between the two is then still to be
+                # answered, at the latest as long after this one as it was sent after that.
+                if same and self._identities_due:
+                    late = True
+                    deadline = self._clock.now() + self._identities_due[-1] - asked + patience
+                elif same:
+                    return None
                 # Twice in a row: another device. Once may be a damaged line.
-                if stranger:
+                elif stranger:
                     raise AnotherDevice(f"another device answers than before: {', '.join(found.values())}")
-                stranger = True
-                self.send(identify.send)  # one such answer may be a damaged one
+                else:
+                    stranger = True
+                    self.send(identify.send)
             wrong = line
-        if wrong:
-            raise WrongAnswer(identify.send, wrong, " / ".join(identify.reply))
-        raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
+        # The others that were asked for are lost, as nothing has come for so long.
+        if late and not stranger:
+            self._identities_due.clear()
+            return None
+        return wrong
 
 
 def _has_words(literal: str) -> bool:

@@ -24,11 +24,11 @@ class LineCodec:
     def channel(self, name: str, text: str) -> float:
         """Return the SI value of a channel from an answer; NaN if it is not a number."""
         raw = read_number(text)
-        return (
-            math.nan
-            if raw is None or abs(raw) >= _NO_NUMBER
-            else self._rig.channels[name].value_from_raw(raw)
-        )
+        return math.nan if raw is None else self.of_number(name, raw)
+
+    def of_number(self, name: str, raw: float) -> float:
+        """Return the SI value of a channel from the number in an answer."""
+        return math.nan if abs(raw) >= _NO_NUMBER else self._rig.channels[name].value_from_raw(raw)
 
     def command(self, name: str, value: float) -> str:
         """Return the command that sets an actuator to an SI value."""

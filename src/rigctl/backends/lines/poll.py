@@ -54,6 +54,8 @@ class Poll:
         self._meaning = LineCodec(rig, lines)
         self._clock = clock
         self._outbox = outbox
+        self._channels = dict(rig.channels)
+        self._numbers: dict[str, float] = {}  # in the answer that was read last, by channel
         self._values: dict[str, float] = {}
         self._due = [-math.inf] * len(lines.queries)
         self._silenced: set[int] = set()  # queries whose fault has been reported
@@ -145,16 +147,21 @@ class Poll:
 
         A truncated line must not be read as a value, nor the answer to another query as a setting.
         """
-        return all(
-            (read_number(text) if name in self._rig.channels else self._meaning.setting(name, text, 0.0))
-            is not None
-            for name, text in found.items()
-        )
+        for name, text in found.items():
+            if name not in self._channels:
+                if self._meaning.setting(name, text, 0.0) is None:
+                    return False
+                continue
+            number = read_number(text)
+            if number is None:
+                return False
+            self._numbers[name] = number  # for `_take`, which follows at once
+        return True
 
     def _take(self, answer: LineReply, commanded: Mapping[str, float], states: dict[str, float]) -> None:
         for name, text in answer.found.items():
-            if name in self._rig.channels:
-                self._values[name] = self._meaning.channel(name, text)
+            if name in self._channels:
+                self._values[name] = self._meaning.of_number(name, self._numbers[name])
                 continue
             state = self._meaning.setting(name, text, commanded[name])
             if state is None:

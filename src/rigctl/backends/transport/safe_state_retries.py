@@ -43,6 +43,8 @@ LASTS = 24 * 3600.0  #: s, after which the guard gives up
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
 _LOOK = 0.05  # s between two checks whether another program has taken over the port
 _MOST_ERRORS = 50  # in a device's queue
+_LONGEST_NOISE = 1.0  # s for a device to stop sending what nobody has asked for
+_MOST_READS = 1000  # of what it sends
 _OLD = 60.0  # s without a report after which it is unknown whether a guard is still trying
 
 
@@ -203,6 +205,9 @@ class SafeStateRetries:
     def _require_same(self, port: Port) -> None:
         """Require the identity of the device; the port is released if another device is on it."""
         orders = self._orders
+        # An answer that did not come in the attempt before, which failed for it, may still come.
+        if self._silent:
+            self._drop_late(port, orders.timeout)
         if orders.identify is None:
             return
         try:
@@ -257,9 +262,7 @@ class SafeStateRetries:
         texts: dict[str, str] = {}
         self._silent = False
         # Late answers of earlier exchanges must not be taken for the answer to this one.
-        while port.read(self._clock.now()):
-            pass
-        self._rest = b""
+        self._drop_late(port, 0.0)
         port.write(order.text)
         deadline = self._clock.now() + self._orders.timeout
         for pattern in map(reply_pattern, order.reply):
@@ -274,6 +277,20 @@ class SafeStateRetries:
                         f"the device says {found[name]!r} to {order.shown!r} where {meant[0]!r} was commanded"
                     )
         return texts
+
+    def _drop_late(self, port: Port, silence: float) -> None:
+        """Discard what arrives until nothing has for `silence` s, or for as long as a device may send."""
+        give_up = self._clock.now() + silence + _LONGEST_NOISE
+        until = self._clock.now() + silence
+        for _ in range(_MOST_READS):
+            if self._taken_over():
+                raise _TakenOver
+            now = self._clock.now()
+            if port.read(min(until, now + _LOOK)):
+                until = min(self._clock.now() + silence, give_up)
+            elif now >= until:
+                break
+        self._rest = b""
 
     def _line(self, port: Port, deadline: float) -> str:
         while self._reply_ends not in self._rest:

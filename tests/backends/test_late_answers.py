@@ -1,0 +1,174 @@
+"""A device whose answers come after they were given up: none of them confirms another command."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain, cycle, repeat
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from rigctl.backends.errors import BackendLost, OutputsNotSafe
+from rigctl.backends.lines.bench import LineBench
+from rigctl.backends.transport.address import Address
+from rigctl.backends.transport.guard import GuardSettings
+from rigctl.backends.transport.safe_commands import SafeOrder
+from rigctl.backends.transport.safe_state_retries import SafeStateRetries
+from rigctl.clock import VirtualClock
+from rigctl.files.shipped import shipped
+from rigctl.rig import Rig, load_rig, parse_rig
+from tclab_board import MemoryPort, Sketch
+
+TCLAB = load_rig(shipped("rigs", "tclab-board.yaml"))
+#: the same without an identity, by which to come into step
+NAMELESS = parse_rig(TCLAB.text.replace('    identify: {send: VER, reply: "TCLab Firmware {firmware}"}\n', ""))
+ORDERS = GuardSettings(
+    Address("serial", "/dev/ttyACM0", {"baud": 9600, "frame": "8N1"}),
+    (SafeOrder(b"X\n", ("{_}",)), SafeOrder(b"Q1 0.00\n", ("{value}",), {"value": ("0.00",)})),
+    2.0,
+    read_back=(SafeOrder(b"R1\n", ("{heater}",), {"heater": ("0.00",)}),),
+)
+#: s, of the answers to the lines that follow; they come in their order
+DELAYS = st.lists(st.sampled_from([0.01, 0.15, 0.25, 0.4, 0.6]), min_size=1, max_size=12)
+
+
+class Stuck(Sketch):
+    """A board that acknowledges every command; a heater that is on stays on."""
+
+    stuck = False
+
+    def _answer(self, line: str) -> bytes:
+        on = self.heaters
+        answer = super()._answer(line)
+        if self.stuck:
+            self.model._Q1, self.model._Q2 = on
+        return answer
+
+
+class LatePort(MemoryPort):
+    """A line on which each answer takes its own time, but none overtakes another."""
+
+    def __init__(self, sketch: Sketch, clock: VirtualClock) -> None:
+        super().__init__(sketch, clock)
+        self.delays = repeat(0.01)
+
+    def write(self, data: bytes) -> None:
+        self.delay = next(self.delays)
+        if self._coming:
+            self.delay = max(self.delay, self._coming[-1][0] - self.clock.now())
+        super().write(data)
+
+
+def opened(rig: Rig) -> tuple[LineBench, LatePort, Stuck]:
+    clock = VirtualClock()
+    sketch = Stuck(clock.now)
+    port = LatePort(sketch, clock)
+    assert rig.backend.lines is not None
+    bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
+    bench.open()
+    bench.start(2.0)
+    for _ in range(3):
+        bench.next_sample(5.0)
+    return bench, port, sketch
+
+
+@settings(max_examples=100)
+@example(delays=[0.15, 0.6, 0.01, 0.01, 0.6, 0.01, 0.01, 0.15, 0.15], always=False, wait=0.7)
+@given(delays=DELAYS, always=st.booleans(), wait=st.sampled_from([0.0, 0.3, 0.7, 1.3]))
+def test_an_output_that_stays_on_is_never_confirmed_by_a_late_answer(
+    delays: Sequence[float], always: bool, wait: float
+) -> None:
+    bench, port, sketch = opened(TCLAB)
+    bench.command("heater_1", 0.6).wait()
+    sketch.stuck = True
+    port.delays = cycle(delays) if always else chain(delays, repeat(0.01))
+    bench.next_sample(wait)
+    for _ in range(3):
+        with pytest.raises((OutputsNotSafe, BackendLost)):
+            bench.safe()
+    assert sketch.heaters[0] == 60.0
+
+
+@pytest.mark.parametrize("late", [0.25, 0.4, 0.6])
+def test_without_an_identity_a_late_answer_is_waited_for(late: float) -> None:
+    """The state was asked for before it was switched on, and its answer comes when it is to be off."""
+    bench, port, sketch = opened(NAMELESS)
+    port.delays = chain([late], repeat(0.01))
+    bench.next_sample(0.55)
+    bench.command("heater_1", 0.6)
+    sketch.stuck = True
+    sketch.take(b"Q1 60\n")
+    sketch.model._Q1 = 60
+    with pytest.raises((OutputsNotSafe, BackendLost)):
+        bench.safe()
+
+
+@settings(max_examples=50)
+@given(delays=DELAYS, always=st.booleans())
+def test_a_guard_is_not_told_by_late_answers_either(
+    tmp_path_factory: pytest.TempPathFactory, delays: Sequence[float], always: bool
+) -> None:
+    clock = VirtualClock()
+    sketch = Stuck(clock.now)
+    port = LatePort(sketch, clock)
+    # The answers to queries from before it was on are still under way.
+    port.delays = cycle(delays) if always else chain(delays, repeat(0.01))
+    for text in (b"R1\n", b"R1\n", b"X\n"):
+        port.write(text)
+    sketch.take(b"Q1 60\n")
+    sketch.stuck = True
+    attempts = iter(range(4))
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("guards")
+        patch.setattr("rigctl.backends.transport.safe_state_retries._folder", lambda: folder)
+        patch.setattr("time.sleep", lambda _: None)
+        patch.setattr(SafeStateRetries, "_pause", lambda *_: next(attempts, None) is not None)
+        assert not SafeStateRetries(ORDERS, clock, lambda: port, lambda: False).carry_out(port)
+
+
+class Chatterbox(MemoryPort):
+    """A device that never stops sending."""
+
+    text = b"eh?\r\n"
+    talks = False
+
+    def read(self, until: float) -> bytes:
+        if not self.talks:
+            return super().read(until)
+        self.clock.sleep_until(self.clock.now() + 1e-4)
+        return self.text
+
+
+@pytest.mark.parametrize("text", [b"eh?\r\n", b"eh", b"\n", b"TCLab Firmware 1.4.0 Arduino Uno\r\n"])
+@pytest.mark.parametrize("rig", [TCLAB, NAMELESS], ids=["named", "nameless"])
+def test_a_device_that_never_stops_sending_does_not_hold_up_the_ending(rig: Rig, text: bytes) -> None:
+    clock = VirtualClock()
+    sketch = Sketch(clock.now)
+    port = Chatterbox(sketch, clock)
+    assert rig.backend.lines is not None
+    bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
+    bench.open()
+    bench.command("heater_1", 0.6).wait()
+    port.talks, port.text = True, text
+    began = clock.now()
+    with pytest.raises((OutputsNotSafe, BackendLost)):
+        bench.safe()
+    bench.close()
+    assert sketch.heaters == (0.0, 0.0)
+    assert clock.now() - began < 20.0
+
+
+def test_a_device_that_never_stops_sending_does_not_hold_up_its_guard(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    clock = VirtualClock()
+    port = Chatterbox(Sketch(clock.now), clock)
+    port.talks = True
+    port.sketch.take(b"Q1 60\n")
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("guards")
+        patch.setattr("rigctl.backends.transport.safe_state_retries._folder", lambda: folder)
+        patch.setattr(SafeStateRetries, "_pause", lambda *_: False)
+        assert not SafeStateRetries(ORDERS, clock, lambda: port, lambda: False).carry_out(port)
+    assert port.sketch.heaters == (0.0, 0.0)
