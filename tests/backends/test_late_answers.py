@@ -22,7 +22,9 @@ from tclab_board import MemoryPort, Sketch
 
 TCLAB = load_rig(shipped("rigs", "tclab-board.yaml"))
 #: the same without an identity, by which to come into step
-NAMELESS = parse_rig(TCLAB.text.replace('    identify: {send: VER, reply: "TCLab Firmware {firmware}"}\n', ""))
+NAMELESS = parse_rig(
+    TCLAB.text.replace('    identify: {send: VER, reply: "TCLab Firmware {firmware}"}\n', "")
+)
 ORDERS = GuardSettings(
     Address("serial", "/dev/ttyACM0", {"baud": 9600, "frame": "8N1"}),
     (SafeOrder(b"X\n", ("{_}",)), SafeOrder(b"Q1 0.00\n", ("{value}",), {"value": ("0.00",)})),
