@@ -396,13 +396,13 @@ def _rival_of(diagnosis: Diagnosis, name: str, trial: RefittedSet) -> Rival:
     return Rival(name, trial, trial.mbic(*_price(diagnosis)), 1.0)
 
 
-def weighed(candidates: Sequence[Rival], least: float = 0.0, most: int = MOST_RIVALS) -> tuple[Rival, ...]:
-    """With ``exp(−ΔmBIC/2)`` as weights, the most probable first, and no more than `most`."""
+def weighed(candidates: Sequence[Rival], least: float = 0.0, most: int | None = None) -> tuple[Rival, ...]:
+    """With ``exp(−ΔmBIC/2)`` as weights, the most probable first, no more than `most` or `MOST_RIVALS`."""
     best = min(one.mbic for one in candidates)
     factor = min(candidates, key=lambda one: one.mbic).overdispersion
     weights = [max(math.exp(-0.5 * min((one.mbic - best) / factor, 1400.0)), least) for one in candidates]
     weighted = [replace(one, weight=weight) for one, weight in zip(candidates, weights, strict=True)]
-    likeliest = sorted(weighted, key=lambda one: (-one.weight, one.name))[:most]
+    likeliest = sorted(weighted, key=lambda one: (-one.weight, one.name))[: most or MOST_RIVALS]
     total = sum(one.weight for one in likeliest)
     return tuple(replace(one, weight=one.weight / total) for one in likeliest)
 
