@@ -3,46 +3,54 @@
     u --(effects on commands)--> drives --(program)--> z --(effects on readings)--> outputs
 
 The first and the last step are equations, integrated by the engine. The program is given the drives held
-constant over each interval of a grid: the samples, every command at the time at which it acts, and some
-points after it. What is read of z, linear between the points, has exact derivatives. Derivatives through the
-program are differences, central except at a value of 0, where only one side need exist, and of switches,
-which lie at corners (`_Change`). Each column is differenced with two steps, and with smaller ones until
-two agree.
+constant over each interval of a grid, at their means there. The grid has the samples, every command at the
+time at which it acts, and some points after it. What is read of z, linear between the points, has exact
+derivatives. Derivatives through the program are differences, central except at a value of 0, where only one
+side need exist, and of switches, which lie at corners (`Change`). Each column is differenced with two steps,
+and with smaller ones until two agree; from then on with one, where that gives the same. A record that hardly
+moves keeps its derivatives (`kept_derivatives`).
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from rigctl.engine.compile import Cascade, CompiledSystem
+from rigctl.engine.differences import (
+    MOVED,
+    SHARE,
+    Change,
+    Step,
+    grouped,
+    interval_of,
+    relative_difference,
+    slope_of,
+)
 from rigctl.engine.excitation import Excitation, Floats, Ramps
 from rigctl.engine.failure import Cause, Failure
+from rigctl.engine.interval_means import GAUSS, Nodes
+from rigctl.engine.kept_derivatives import Kept, Moves
 from rigctl.engine.splines import SplineColumns
 from rigctl.engine.symbols import Expr, evaluate, variables_of
 from rigctl.engine.system import Foreign, System, after, before
-from rigctl.engine.trajectories import Statistics, Trajectories
+from rigctl.engine.trajectories import OfEachRecord, Statistics, Trajectories
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.foreign.pool import Job, Pool, pool_of
 
 #: `rigctl.engine.simulate.simulate`, for the two parts in equations
 Engine: TypeAlias = Callable[..., Trajectories]
 
-#: usual step of a parameter, as a share of its value; of what changes a drive, of the drive's mean magnitude
-_SHARE: Final = 3e-3
-#: of what moves switches, in sampling intervals
-_MOVED: Final = 0.2
-#: the least of those, the share of the time to the next sample, and how near to a sample a switch is at it
-_LEAST_MOVED: Final = 0.01
-_ROOM: Final = 0.8
-_AT_SAMPLE: Final = 1e-6
 #: steps that are tried, as shares of the usual one; two derivatives agree that differ by less than `_AGREE`
 _SMALLER: Final = (1.0, 0.1, 0.01)
 _AGREE: Final = 0.02
+#: one step is enough where its derivative and that by two steps differ by less
+_ALONE: Final = 0.005
 #: the derivatives by two steps, neither of which can be used if they differ by more
 _NO_DERIVATIVE: Final = 0.2
 #: a large step, as a share of the usual one
@@ -50,7 +58,11 @@ _LARGE: Final = 100.0
 #: records on which steps are tried
 _TRIED: Final = 2
 #: points after a command at which a fast drive is followed, in sampling intervals
-_AFTER: Final = (0.0625, 0.125, 0.25, 0.5)
+_AFTER: Final = tuple(0.5**k for k in range(8, 0, -1))
+#: points before the first of them, between which only its mean over an interval is computed
+_NEARER: Final = tuple(0.5**k for k in range(14, 8, -1))
+#: what moves switches, as a column
+_SWITCHES: Final = "switches"
 #: two times closer than this share of a record are one
 _SAME: Final = 1e-10
 
@@ -90,6 +102,45 @@ def simulate_cascade(
     return _Cascade(compiled.system, foreign, cascade, columns, engine).simulate(excitations)
 
 
+#: the kept derivatives of the last systems, and of how many there are any
+_KEPT: list[dict[tuple[str, tuple[str, ...]], Kept]] = []
+_MOST_KEPT: Final = 2
+
+
+def _only_last(kept: dict[tuple[str, tuple[str, ...]], Kept]) -> None:
+    """Forget the kept derivatives of systems before the last ones, since a diagnosis has dozens of them."""
+    if not any(one is kept for one in _KEPT[:1]):
+        _KEPT[:] = [kept, *(one for one in _KEPT if one is not kept)]
+        for old in _KEPT[_MOST_KEPT:]:
+            old.clear()
+        del _KEPT[_MOST_KEPT:]
+
+
+class _Later(OfEachRecord):
+    """The derivatives of all records, made together when one is first used: a fit that rejects its step uses
+    none.
+
+    Parameters
+    ----------
+    lengths: how many samples of each record count.
+    """
+
+    def __init__(self, lengths: Sequence[int], make: Callable[[], list[Floats]]) -> None:
+        self._lengths, self._make = lengths, make
+        self._made: list[Floats] | None = None
+        self._making = threading.Lock()  # records are read in several threads
+
+    def __len__(self) -> int:
+        return len(self._lengths)
+
+    def of(self, record: int) -> Floats:
+        """(samples, outputs, columns)."""
+        with self._making:
+            if self._made is None:
+                self._made = [one[:n] for one, n in zip(self._make(), self._lengths, strict=True)]
+        return self._made[record]
+
+
 @dataclass(frozen=True)
 class _Courses:
     """What the program computed in one record, on its grid; `reason` if it failed."""
@@ -127,6 +178,11 @@ class _Cascade:
         behind = [*foreign.drives, *commands.rhs, *(delay.expr for delay in commands.delays)]
         self.of_commands = _names(behind) & set(self.index)
         self.of_delays = _names([delay.expr for delay in commands.delays]) & set(self.index)
+        # parameters of a delay that move the only input whole; of several, others may switch at its times
+        others = _names([*foreign.drives, *commands.rhs])
+        late = _names([delay.expr for delay in commands.delays])
+        single = len({*commands.input_names} & (others | late)) == 1 and not late & {*commands.state_names}
+        self.late_alone = self.of_delays - others if single else set()
         self.of_program = tuple(foreign.program.parameters)
         self.at_parameters = [self.index[name] for name in self.of_program]
         self.at_responses = [system.state_names.index(name) for name in foreign.responses]
@@ -135,7 +191,7 @@ class _Cascade:
         self.settable = set(foreign.program.settable)
 
     def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
-        # 1. the drives, the program, and what is read of it, with the exact derivatives of the readings
+        # the drives, the program, and what is read of it, with the exact derivatives of the readings
         courses = self._run(excitations)
         wanted = [name for name in self.columns.parameters if name in self.of_readings]
         states = [
@@ -144,24 +200,66 @@ class _Cascade:
             if name in self.cascade.readings.system.state_names and name not in self.foreign.responses
         ]
         read = self._read(courses, columns=wanted, initial_columns=states)
-        slopes = [np.zeros((*one.shape, len(self.columns.names))) for one in read.outputs]
         failed = [self._failure(one) for one in courses]
+        later = partial(self._derivatives, excitations, courses, read, failed)
+        return self._trajectories(excitations, courses, read, later, failed)
+
+    def _derivatives(
+        self,
+        excitations: Sequence[Excitation],
+        courses: Sequence[_Courses],
+        read: Trajectories,
+        failed: Sequence[Failure | None],
+    ) -> list[Floats]:
+        """(samples, outputs, columns) of each record; 0 for one that failed."""
+        through = [np.zeros((*one.shape, len(self.columns.names))) for one in read.outputs]
+        slopes = [np.zeros((*one.shape, len(self.columns.names))) for one in read.outputs]
         good = [k for k, one in enumerate(failed) if one is None and read.failures[k] is None]
         places = {name: k for k, name in enumerate(self.columns.names)}
         for k in good:
             for at, name in enumerate(read.columns):
                 slopes[k][:, :, places[name]] = read.sensitivities[k][:, :, at]
-        # 2. derivatives through the program, added to these: a parameter may act on both sides of it
-        self._splines(excitations, good, courses, slopes, places)
-        self._differences(excitations, good, courses, read, slopes, places)
-        return self._trajectories(excitations, courses, read, slopes, failed)
+        # those through the program, where a record has moved since they were made last
+        kept = self.cascade.kept
+        new = []
+        for k in good:
+            known = kept.get((excitations[k].name, self.columns.names))
+            if known is not None and known.hold(excitations[k], read.outputs[k], self._moves(excitations[k])):
+                through[k] = known.through
+            else:
+                new.append(k)
+        self._splines(excitations, new, courses, through, places)
+        self._differences(excitations, new, courses, read, through, places)
+        # added to the others: a parameter may act on both sides of it
+        for k in good:
+            slopes[k] += through[k]
+        if not self.columns.splines.columns:
+            _only_last(kept)
+            for k in new:
+                key = excitations[k].name, self.columns.names
+                kept[key] = Kept(excitations[k], read.outputs[k], slopes[k], through[k])
+        return slopes
+
+    def _moves(self, excitation: Excitation) -> Moves:
+        columns, places = self.columns, {name: k for k, name in enumerate(self.columns.names)}
+        states = self.system.state_names
+        initial = [states.index(name) for name in columns.initial]
+        return Moves(
+            len(places),
+            [(self.index[name], places[name]) for name in columns.parameters],
+            [(index, places[name]) for index, name in zip(initial, columns.initial, strict=True)],
+            [self.index[name] for name in columns.shifts if name in self.index],
+            np.array([self.system.states[index].scale for index in initial]),
+            len(places) - len(columns.shifts),
+            interval_of(excitation),
+        )
 
     def _trajectories(
         self,
         excitations: Sequence[Excitation],
         courses: Sequence[_Courses],
         read: Trajectories,
-        slopes: Sequence[Floats],
+        later: Callable[[], list[Floats]],
         failed: Sequence[Failure | None],
     ) -> Trajectories:
         failures = [mine or theirs for mine, theirs in zip(failed, read.failures, strict=True)]
@@ -176,7 +274,7 @@ class _Cascade:
             times=tuple(one.times[:n] for one, n in zip(excitations, done, strict=True)),
             states=tuple(self._states(k, read, excitations)[:n] for k, n in enumerate(done)),
             outputs=tuple(one[:n] for one, n in zip(read.outputs, done, strict=True)),
-            sensitivities=[one[:n] for one, n in zip(slopes, done, strict=True)],
+            sensitivities=_Later(done, later),
             failures=tuple(failures),
             state_names=self.system.state_names,
             output_names=self.system.output_names,
@@ -236,23 +334,29 @@ class _Cascade:
         ]
 
     def _drives(self, excitations: Sequence[Excitation], grids: Sequence[Floats]) -> list[Floats]:
-        """(intervals, inputs) of each record: the drives in the middle of each interval."""
+        """(intervals, inputs) of each record: the means of the drives over each interval."""
         if not excitations:
             return []
+        acting = self._acting(excitations) if self.cascade.commands.system.states else grids
+        nodes = [self._nodes(one, grid, at) for one, grid, at in zip(excitations, grids, acting, strict=True)]
         found = self.engine(
             self.cascade.commands,
-            [self._command(one, grid) for one, grid in zip(excitations, grids, strict=True)],
+            [self._command(one, each.times) for one, each in zip(excitations, nodes, strict=True)],
         ).require()
-        return list(found.outputs)
+        return [each.means(outputs) for each, outputs in zip(nodes, found.outputs, strict=True)]
 
-    def _command(self, excitation: Excitation, grid: Floats) -> Excitation:
+    def _nodes(self, excitation: Excitation, grid: Floats, acting: Floats) -> Nodes:
+        """Where the drives are evaluated for their means: in the middle of an interval, where they are
+        constant or a line; else at several points, nearer to each other just after a command."""
+        if not self.cascade.commands.system.states:
+            return Nodes.of(grid, grid, (0.5,), (1.0,))
+        near = np.concatenate([acting + share * interval_of(excitation) for share in _NEARER])
+        edges = np.union1d(grid, near[(near > grid[0]) & (near < grid[-1])])
+        return Nodes.of(grid, edges, *GAUSS)
+
+    def _command(self, excitation: Excitation, times: Floats) -> Excitation:
         system = self.cascade.commands.system
-        return replace(
-            excitation,
-            times=0.5 * (grid[1:] + grid[:-1]),
-            initial=self._initial(excitation, system),
-            shifts=None,
-        )
+        return replace(excitation, times=times, initial=self._initial(excitation, system), shifts=None)
 
     def _initial(self, excitation: Excitation, system: System) -> Floats:
         return np.array(
@@ -269,9 +373,7 @@ class _Cascade:
             np.tile(self._initial(one, system), (one.switch_times.size, 1)) for one in excitations
         ]
         if moving:
-            at = [
-                replace(self._command(one, one.switch_times), times=one.switch_times) for one in excitations
-            ]
+            at = [self._command(one, one.switch_times) for one in excitations]
             states = self.engine(self.cascade.commands, at).require().states
         return [
             np.concatenate([one.switch_times, *self._delayed(one, each)])
@@ -299,7 +401,7 @@ class _Cascade:
         """The points of a record at which the program is given its drives."""
         begin = excitation.switch_times[0]
         end = max(excitation.times[-1] if excitation.times.size else begin, begin)
-        step = _interval(excitation)
+        step = interval_of(excitation)
         # the drives are held over an interval of this grid, so that each command acts exactly at its time;
         # where the effects on commands have states a drive also moves between them, fastest just after one
         points = [np.array([begin]), excitation.times, acting]
@@ -351,62 +453,120 @@ class _Cascade:
         places: dict[str, int],
     ) -> None:
         """Add the derivatives through the program to `slopes`."""
+        if not good:
+            return
+        late = [name for name in self.columns.parameters if name in self.late_alone]
         through = [
             *(n for n in self.columns.parameters if n in self.of_commands or n in self.of_program),
             *(n for n in self.columns.initial if n in self.settable),
-            *self.columns.shifts,
         ]
-        if not through or not good:
-            return
+        through = [name for name in through if name not in late]
+        changes = {name: self._change(name, [excitations[k] for k in good]) for name in through}
+        pieces = [(name, changes[name], k) for name in through for k in good]
+        # Whatever moves switches has the derivatives by their times: what moves some of them alike moves a
+        # group. A delay of all commands is then exactly what the logger's delays are together.
+        moving = [*late, *self.columns.shifts]
+        groups = {k: grouped(self._moving(excitations[k], late)) for k in good} if moving else {}
+        moved = [
+            replace(one, shifts=groups[k][0]) if k in groups else one for k, one in enumerate(excitations)
+        ]
+        pieces += [
+            (_SWITCHES, Change("shift", group), k)
+            for k, (moves, _) in groups.items()
+            for group in range(moves.shape[1])
+        ]
+        found = self._each_slope(pieces, moved, good[:_TRIED], courses, read)
+        at = [places[name] for name in moving]
+        for (name, change, k), slope in zip(pieces, found, strict=True):
+            if name == _SWITCHES:
+                slopes[k][:, :, at] += slope[:, :, None] * groups[k][1][change.index]
+            else:
+                slopes[k][:, :, places[name]] += slope
+
+    def _each_slope(
+        self,
+        pieces: Sequence[tuple[str, Change, int]],
+        excitations: Sequence[Excitation],
+        some: Sequence[int],
+        courses: Sequence[_Courses],
+        read: Trajectories,
+    ) -> list[Floats]:
+        """(samples, outputs) the derivative of each piece: a column, its change, a record.
+
+        Parameters
+        ----------
+        some: the records on which steps are tried.
+        """
         # the step of a column is chosen once for each model, on a few records (decision 197)
-        changes = {name: self._change(name, [excitations[k] for k in good], courses) for name in through}
-        for name in through:
-            if name not in self.cascade.step_sizes:
-                self._try_steps(name, changes[name], excitations, good, courses, read)
-        pieces = [(name, k) for name in through for k in good]
-        found = self._slopes(
-            [(changes[name], self.cascade.step_sizes[name][0], k) for name, k in pieces],
-            excitations,
-            courses,
-            read,
+        steps = self.cascade.steps
+        for name in dict.fromkeys(name for name, _, _ in pieces):
+            if name not in steps:
+                of_name = [(change, k) for each, change, k in pieces if each == name and k in some]
+                self._try_steps(name, of_name, excitations, courses, read)
+        return self._slopes(
+            [(change, steps[name], k) for name, change, k in pieces], excitations, courses, read
         )
-        for (name, k), slope in zip(pieces, found, strict=True):
-            slopes[k][:, :, places[name]] += slope
+
+    def _moving(self, excitation: Excitation, late: Sequence[str]) -> Floats:
+        """(switches, k) by how much each switch acts later by each parameter of a delay, and by what shifts
+        it."""
+        system = self.cascade.commands.system
+        known: dict[str, Any] = dict(zip(system.parameter_names, excitation.parameters.tolist(), strict=True))
+        moved = np.zeros((excitation.switch_times.size, len(late)))
+        inputs, step = excitation.inputs, MOVED * interval_of(excitation)
+        for delay in system.delays if late else ():
+            k = system.input_names.index(delay.input)
+            for at in np.flatnonzero(np.diff(inputs[:, k])) + 1:
+                known[before(delay.input)], known[after(delay.input)] = inputs[at - 1, k], inputs[at, k]
+                now = evaluate(delay.expr, known)
+                for column, name in enumerate(late):
+                    later = evaluate(delay.expr, known | {name: known[name] + step})
+                    moved[at, column] = (max(later, 0.0) - max(now, 0.0)) / step
+        shifts = excitation.shifts
+        return moved if shifts is None else np.hstack([moved, shifts])
 
     def _try_steps(
         self,
         name: str,
-        change: _Change,
+        pieces: Sequence[tuple[Change, int]],
         excitations: Sequence[Excitation],
-        good: Sequence[int],
         courses: Sequence[_Courses],
         read: Trajectories,
     ) -> None:
-        """Choose the step of a column: the largest that agrees with a smaller one, else of the best pair."""
-        some = list(good[:_TRIED])
+        """Choose the steps of a column: the largest that agree with smaller ones, else of the best pair; and
+        one alone, where its derivative is the same."""
+
+        def found(step: Step) -> Floats:
+            made = self._slopes([(change, step, k) for change, k in pieces], excitations, courses, read)
+            return np.concatenate([one.ravel() for one in made])
+
         tried: list[Floats] = []
-        best = (np.inf, _SMALLER[0])
-        for share in _SMALLER:
-            found = self._slopes([(change, share, k) for k in some], excitations, courses, read)
-            tried.append(np.concatenate([one.ravel() for one in found]))
-            if len(tried) < 2:
+        best = (np.inf, 0)
+        for number, share in enumerate(_SMALLER):
+            tried.append(found(Step(share)))
+            if not number:
                 continue
             # too large a step is off by its curvature, too small a one by the program's own tolerance: where
             # two steps agree neither is felt
-            size = max(float(np.linalg.norm(tried[-1])), float(np.linalg.norm(tried[-2])))
-            apart = float(np.linalg.norm(tried[-1] - tried[-2])) / size if size else 0.0
-            best = min(best, (apart, _SMALLER[len(tried) - 2]))
-            if apart < _AGREE:
+            best = min(best, (relative_difference(tried[-1], tried[-2]), number - 1))
+            if best[0] < _AGREE:
                 break
+        apart, number = best
         if name in self.of_program:
-            at = [courses[k] for k in some]
-            self._require_derivative(name, change, best, tried[0], at)
-        self.cascade.step_sizes[name] = (best[1], best[0])
+            at = [courses[k] for _, k in pieces]
+            self._require_derivative(name, pieces[0][0], (apart, _SMALLER[number]), tried[0], at)
+        chosen = Step(_SMALLER[number])
+        for share in _SMALLER[1:] if apart < _AGREE else ():
+            one = found(Step(share, alone=True))
+            if relative_difference(one, tried[number + 1]) < _ALONE:
+                chosen = Step(share, alone=True)
+                break
+        self.cascade.steps[name] = chosen
 
     def _require_derivative(
         self,
         name: str,
-        change: _Change,
+        change: Change,
         best: tuple[float, float],
         slope: Floats,
         courses: Sequence[_Courses],
@@ -432,9 +592,9 @@ class _Cascade:
                 for new, old in zip(far, courses, strict=True)
             ):
                 return
-            what = f"small changes of it change nothing, and one of {100.0 * _LARGE * _SHARE:.0f} % does"
+            what = f"small changes of it change nothing, and one of {100.0 * _LARGE * SHARE:.0f} % does"
         elif _NO_DERIVATIVE < apart < np.inf:
-            step = 100.0 * share * _SHARE
+            step = 100.0 * share * SHARE
             what = (
                 f"differences by {step:.2g} % and {step / 10.0:.2g} % of it are {100.0 * apart:.0f} % apart"
             )
@@ -450,17 +610,18 @@ class _Cascade:
 
     def _slopes(
         self,
-        pieces: Sequence[tuple[_Change, float, int]],
+        pieces: Sequence[tuple[Change, Step, int]],
         excitations: Sequence[Excitation],
         courses: Sequence[_Courses],
         read: Trajectories,
     ) -> list[Floats]:
-        """(samples, outputs) the derivative of each piece: a change, the share of its step, a record."""
+        """(samples, outputs) the derivative of each piece: a change, its step, a record."""
         moved: list[Excitation] = []
         same: list[_Courses | None] = []
         ends: list[tuple[int, float]] = []  # of each: piece, step
-        for at, (change, share, k) in enumerate(pieces):
-            for step in change.steps(excitations[k], share):
+        for at, (change, chosen, k) in enumerate(pieces):
+            both = change.steps(excitations[k], chosen.share)
+            for step in both[1:] if chosen.alone else both:
                 moved.append(change.moved(excitations[k], step))
                 same.append(courses[k] if change.keeps_drives else None)
                 ends.append((at, step))
@@ -470,7 +631,15 @@ class _Cascade:
         of_piece: dict[int, list[tuple[float, Floats]]] = {}
         for (at, step), each in zip(ends, outputs, strict=True):
             of_piece.setdefault(at, []).append((step, each))
-        return [_slope(of_piece[at]) for at in range(len(pieces))]
+        slopes = [slope_of(of_piece[at]) for at in range(len(pieces))]
+        # one step alone may lead where the program fails: then the other one counts
+        alone = [k for k, (_, chosen, _) in enumerate(pieces) if chosen.alone]
+        lost = [k for k in alone if not np.isfinite(slopes[k]).all()]
+        if lost:
+            again = [(pieces[k][0], Step(pieces[k][1].share), pieces[k][2]) for k in lost]
+            for k, slope in zip(lost, self._slopes(again, excitations, courses, read), strict=True):
+                slopes[k] = slope
+        return slopes
 
     def _moved_outputs(
         self,
@@ -519,31 +688,32 @@ class _Cascade:
             where.append(equal[0])
         return where
 
-    def _change(self, name: str, excitations: Sequence[Excitation], courses: Sequence[_Courses]) -> _Change:
+    def _change(self, name: str, excitations: Sequence[Excitation]) -> Change:
         """How a column is differenced."""
-        if name in self.columns.shifts:
-            return _Change("shift", self.columns.shifts.index(name))
         if name in self.settable:
             k = self.system.state_names.index(name)
-            return _Change("initial", k, self.system.states[k].scale, keeps_drives=True)
+            return Change("initial", k, self.system.states[k].scale, keeps_drives=True)
         k = self.index[name]
         if name in self.of_program:
             kept = name not in self.of_commands
-            return _Change("parameter", k, _SHARE * self.foreign.program.sizes[name], keeps_drives=kept)
+            return Change("parameter", k, SHARE * self.foreign.program.sizes[name], keeps_drives=kept)
         if name in self.of_delays:
-            return _Change("parameter", k, _MOVED * _interval(excitations[0]))
-        return _Change("parameter", k, self._command_step(name, excitations))
+            return Change("parameter", k, MOVED * interval_of(excitations[0]))
+        return Change("parameter", k, self._command_step(name, excitations))
 
     def _command_step(self, name: str, excitations: Sequence[Excitation]) -> float:
         """A step of a parameter that changes the drives by a share of their mean magnitude."""
         changed = scale = 0.0
         for one in excitations[:_TRIED]:
-            grid = self._grid(one, one.switch_times)
-            found = self.engine(self.cascade.commands, [self._command(one, grid)], columns=[name]).require()
+            (acting,) = self._acting([one])
+            grid = self._grid(one, acting)
+            nodes = self._nodes(one, grid, acting)
+            at = [self._command(one, nodes.times)]
+            found = self.engine(self.cascade.commands, at, columns=[name]).require()
             share = np.diff(grid)[:, None] / (grid[-1] - grid[0])
-            changed += float(np.sum(share[:, :, None] * np.abs(found.sensitivities[0])))
-            scale += float(np.sum(share * np.abs(found.outputs[0])))
-        return _SHARE * (scale or 1.0) / changed if changed > 0.0 else _SHARE
+            changed += float(np.sum(share[:, :, None] * np.abs(nodes.means(found.sensitivities[0]))))
+            scale += float(np.sum(share * np.abs(nodes.means(found.outputs[0]))))
+        return SHARE * (scale or 1.0) / changed if changed > 0.0 else SHARE
 
     def _splines(
         self,
@@ -574,13 +744,15 @@ class _Cascade:
         steps: list[float] = []
         for k in good:
             one = excitations[k]
-            found = self.engine(
-                self.cascade.commands, [self._command(one, courses[k].grid)], splines=splines
-            ).require()
+            (acting,) = self._acting([one])
+            nodes = self._nodes(one, courses[k].grid, acting)
+            command = self._command(one, nodes.times)
+            found = self.engine(self.cascade.commands, [command], splines=splines).require()
+            means = nodes.means(found.sensitivities[0])
             for column in range(len(splines.columns)):
-                slope = found.sensitivities[0][:, :, column]
+                slope = means[:, :, column]
                 size = float(np.abs(slope).mean())
-                step = _SHARE * (float(np.abs(found.outputs[0]).mean()) or 1.0) / size if size else 0.0
+                step = SHARE * (float(np.abs(found.outputs[0]).mean()) or 1.0) / size if size else 0.0
                 for sign in (1.0, -1.0):
                     moved.append(one)
                     nudges.append(sign * step * slope)
@@ -596,89 +768,8 @@ class _Cascade:
                 slopes[k][:, :, first + number % len(splines.columns)] += slope
 
 
-@dataclass(frozen=True)
-class _Change:
-    """What is moved for one column: a parameter or an initial state by its index, or the switches.
-
-    Attributes
-    ----------
-    size: the usual step, SI; of switches it follows from the record (`_within`).
-    keeps_drives: whether the program is given the same.
-    """
-
-    kind: str
-    index: int
-    size: float = 1.0
-    keeps_drives: bool = False
-
-    def steps(self, excitation: Excitation, share: float) -> tuple[float, float]:
-        """Two steps from the point: to either side, or both to one for a value of 0 and for switches."""
-        if self.kind == "shift":
-            step = share * self._within(excitation)
-            return step, 0.5 * step
-        step = share * self.size
-        if self.kind == "initial":
-            return step, -step
-        value = float(excitation.parameters[self.index])
-        if abs(value) <= step:
-            return (-step, -0.5 * step) if value < 0.0 else (step, 0.5 * step)
-        return step, -step
-
-    def _within(self, excitation: Excitation) -> float:
-        """A step by which switches move, to the side on which the next sample is farther, and not up to it.
-
-        Where a switch passes a sample the cost has a corner. One at a sample, as a log has it, moves later:
-        the exact derivatives of equations are those on that side, where the sample is before it.
-        """
-        assert excitation.shifts is not None  # noqa: S101 - it has the columns
-        shifts, interval = excitation.shifts[:, self.index], _interval(excitation)
-        most = float(np.abs(shifts).max(initial=0.0))
-        if not most:
-            return _MOVED * interval
-        times, at = excitation.times, excitation.switch_times[shifts != 0.0]
-        following = np.searchsorted(times, at + _AT_SAMPLE * interval, side="right")
-        inside = (following > 0) & (following < times.size)
-        after = float((times[following[inside]] - at[inside]).min(initial=interval))
-        ago = float((at[inside] - times[following[inside] - 1]).min(initial=interval))
-        room = _ROOM * max(after, ago) if ago > _AT_SAMPLE * interval else _ROOM * after
-        step = min(max(room, _LEAST_MOVED * interval), _MOVED * interval) / most
-        return -step if ago > after else step
-
-    def moved(self, excitation: Excitation, step: float) -> Excitation:
-        """The record moved by a step."""
-        if self.kind == "shift":
-            assert excitation.shifts is not None  # noqa: S101
-            times = excitation.switch_times + step * excitation.shifts[:, self.index]
-            times = np.maximum.accumulate(np.maximum(times, excitation.switch_times[0]))
-            return replace(excitation, switch_times=times)
-        if self.kind == "initial":
-            initial = excitation.initial.copy()
-            initial[self.index] += step
-            return replace(excitation, initial=initial)
-        parameters = excitation.parameters.copy()
-        parameters[self.index] += step
-        return replace(excitation, parameters=parameters)
-
-
-def _slope(ends: Sequence[tuple[float, Floats]]) -> Floats:
-    """The derivative from two differences to the point: the parabola through the three."""
-    (a, at_a), (b, at_b) = ends
-    if not np.isfinite(at_a).all():
-        return at_b / b
-    if not np.isfinite(at_b).all():
-        return at_a / a
-    return np.asarray((at_a * b / a - at_b * a / b) / (b - a))
-
-
 def _or_nan(run: _Courses, values: Floats) -> Floats:
     return values if not run.reason else np.full_like(values, np.nan)
-
-
-def _interval(excitation: Excitation) -> float:
-    """The usual time from sample to sample, s."""
-    if excitation.times.size < 2:
-        return 1.0
-    return float(np.median(np.diff(excitation.times))) or 1.0
 
 
 def _names(exprs: Sequence[Expr]) -> set[str]:

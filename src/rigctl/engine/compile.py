@@ -22,8 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.cache import load_compiled
+from rigctl.engine.differences import Step
 from rigctl.engine.foreign_parts import parts_of
 from rigctl.engine.guards import width
+from rigctl.engine.kept_derivatives import Kept
 from rigctl.engine.kernels.sizes import WORDS
 from rigctl.engine.machine_code import MachineCode, compiled
 from rigctl.engine.source import ARGUMENTS, Source, source_of
@@ -73,7 +75,7 @@ class CompiledSystem:
 
     def __reduce__(self) -> tuple[Callable[..., CompiledSystem], tuple[Any, ...]]:
         if self.cascade is not None:
-            return _cascade_again, (self.system, self.cascade.step_sizes)
+            return _cascade_again, (self.system, self.cascade.steps)
         return compile_system, (self.system,)
 
 
@@ -85,22 +87,23 @@ class Cascade:
     ----------
     commands: the equations whose outputs are the program's inputs.
     readings: those whose inputs are the system's, and the rates of the program's outputs.
-    step_sizes: for each column, the share of its usual step by which it is differenced, and by how much
-        the derivatives by this and by a smaller one differ.
+    steps: how each column is differenced.
+    kept: the last derivatives of each record by its name, and by those of their columns.
     """
 
     commands: CompiledSystem
     readings: CompiledSystem
-    step_sizes: dict[str, tuple[float, float]]
+    steps: dict[str, Step]
+    kept: dict[tuple[str, tuple[str, ...]], Kept] = field(default_factory=dict, repr=False)
 
 
-def _cascade_again(system: System, step_sizes: dict[str, tuple[float, float]]) -> CompiledSystem:
+def _cascade_again(system: System, steps: dict[str, Step]) -> CompiledSystem:
     """A compiled system that another process sends: it has asked whether the program may run."""
     assert system.foreign is not None  # noqa: S101 - it has a cascade
     system.foreign.program.allow()
     compiled = compile_system(system)
     assert compiled.cascade is not None  # noqa: S101
-    compiled.cascade.step_sizes.update(step_sizes)
+    compiled.cascade.steps.update(steps)
     return compiled
 
 

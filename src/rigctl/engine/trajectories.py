@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 
@@ -29,6 +31,23 @@ class Statistics:
             int(counters[outcomes.REJECTED]),
             int(counters[outcomes.RESTARTS]),
         )
+
+
+class OfEachRecord(Sequence[Floats]):
+    """Derivatives of all records, each computed when it is first used: see `of`."""
+
+    @overload
+    def __getitem__(self, index: int) -> Floats: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Floats]: ...
+    def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
+        if isinstance(index, slice):
+            return [self.of(k) for k in range(*index.indices(len(self)))]
+        return self.of(range(len(self))[index])
+
+    @abstractmethod
+    def of(self, record: int) -> Floats:
+        """(n, outputs, columns) of a record."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.linear.candidates import Candidate
 from rigctl.analysis.linear.linearisation import Linearisation, record_local_rows
-from rigctl.analysis.linear.nuisance_projection import HIDDEN
+from rigctl.analysis.linear.nuisance_projection import least_share
 from rigctl.analysis.linear.score_test import cone
 from rigctl.analysis.linear.slopes import slopes_at
 from rigctl.model.fit.problem import Problem
@@ -116,7 +116,7 @@ def unexplained(linearisation: Linearisation, full_problem: Problem) -> Unexplai
     stacked = np.vstack([*signatures, np.zeros((weight.shape[0], signatures[0].shape[1]))])
     projected = stacked - shared @ (shared.T @ stacked)
     lengths = np.linalg.norm(projected, axis=0)
-    visible = lengths > HIDDEN * np.where(
+    visible = lengths > least_share(fit) * np.where(
         linearisation.full_lengths > 0.0, linearisation.full_lengths, np.inf
     )
     return Unexplained(

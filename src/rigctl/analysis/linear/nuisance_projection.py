@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 
 #: a signature of which less than this share is left after projection is not testable
 HIDDEN = 1e-3
+#: the same where derivatives are differences, which agree to about this
+HIDDEN_IN_DIFFERENCES = 0.02
 _RANK = 1e-8
 #: degrees of freedom attributed to a guessed noise, by its source: a number in a rig file is good to a
 #: quarter, a share of the readings to a half
@@ -62,7 +64,7 @@ class Projected:
     @property
     def usable(self) -> NDArray[np.bool_]:
         """(columns) True if enough of a signature is left to be tested."""
-        return self.kappa > HIDDEN
+        return self.kappa > least_share(self.linearisation.fit)
 
     @property
     def noise_degrees(self) -> int:
@@ -82,6 +84,11 @@ class Projected:
         """``(I − P_J)`` of columns given in the records' rows; the priors' rows are added."""
         padded = np.vstack([columns, np.zeros((self.residual.size - columns.shape[0], columns.shape[1]))])
         return np.asarray(padded - self.basis @ (self.basis.T @ padded))
+
+
+def least_share(fit: FitResult) -> float:
+    """What has to be left of a signature for a test."""
+    return HIDDEN if fit.problem.compiled.cascade is None else HIDDEN_IN_DIFFERENCES
 
 
 def _guessed_degrees(fit: FitResult) -> int:

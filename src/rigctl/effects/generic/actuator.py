@@ -20,7 +20,7 @@ from rigctl.effects.generic.common import (
     share,
     shown_quotient,
 )
-from rigctl.effects.generic.magnitudes import Magnitudes
+from rigctl.effects.generic.magnitudes import RESOLUTION, Magnitudes
 from rigctl.effects.generic.slot_roles import (
     Given,
     Late,
@@ -34,7 +34,6 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
 from rigctl.units import interval_unit
 
-_RESOLUTION = 1e-3
 _TAO = "Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
 
 
@@ -206,7 +205,7 @@ class _EffectBuilder:
         return beyond(u, limit, self.corner(u)) - beyond(-u, limit, self.corner(u))
 
     def backlash(self) -> Effect:
-        pace = _RESOLUTION * self.sizes.shortest
+        pace = RESOLUTION * self.sizes.shortest
 
         def rate(m: Scope, p: Own) -> Scalar:
             # The follower moves only where |u − z| exceeds half of the play. The law is rate-independent;
@@ -234,7 +233,7 @@ class _EffectBuilder:
         )
 
     def lag(self) -> Effect:
-        resolution = max(_RESOLUTION * self.sizes.shortest, 1e-9)
+        resolution = self.sizes.resolution
 
         # The resolution T₀ keeps this regular at τ = 0, where the reading error below is exactly 0 (see
         # `rigctl.effects.lag`).

@@ -17,6 +17,8 @@ from rigctl.units import parse_unit
 _CHANGES = 300.0
 #: of a record without states: how many samples a change that shows may take
 _SAMPLES = 10.0
+#: resolution of a lag or a play, as a share of the family's shortest time
+RESOLUTION = 1e-3
 
 
 class Magnitudes:
@@ -61,6 +63,13 @@ class Magnitudes:
         record = self._family.standard_record
         samples = 1.0 if record is None else _SAMPLES * float(record.times[1] - record.times[0])
         return min((self.time(state.name) for state in self._family.states), default=samples)
+
+    @property
+    def resolution(self) -> float:
+        """A time far below every other one, which keeps a lag regular at 0: smaller still where a program
+        computes the states, since their times are not known."""
+        share = RESOLUTION if self._family.program is None else RESOLUTION**2
+        return max(share * self.shortest, 1e-9)
 
     def reading(self, name: str) -> float:
         """The magnitude of a reading at the family's start, 0 if it has none."""

@@ -39,8 +39,6 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
 from rigctl.units import interval_unit, show
 
-#: resolution of a lag, as a share of the family's shortest time
-_RESOLUTION = 1e-3
 #: exponent of the Bouc-Wen law: 1 is a gradual reversal, infinity is backlash; must be odd
 _SHARP = 5
 
@@ -151,7 +149,7 @@ class _EffectBuilder:
         )
 
     def lag(self) -> Effect:
-        resolution = max(_RESOLUTION * self.sizes.shortest, 1e-9)
+        resolution = self.sizes.resolution
 
         def rate(m: Scope, p: Own) -> Scalar:
             return deviation_rate(p.deviation, p.lag, constant_like(resolution, p.lag), self.role.rate(m))

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.excitation import Ramps
-from rigctl.engine.trajectories import Trajectories
-from rigctl.model.fit.slopes import OfEachRecord
+from rigctl.engine.trajectories import OfEachRecord, Trajectories
 from rigctl.model.measured.offsets import moved_lines
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.reading_errors import ClockError

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.trajectories import Trajectories
-from rigctl.model.fit.slopes import OfEachRecord
+from rigctl.engine.trajectories import OfEachRecord, Trajectories
 from rigctl.model.reading_errors import CalibrationError
 
 Floats = NDArray[np.float64]

@@ -12,10 +12,9 @@ derivatives.
 from __future__ import annotations
 
 import threading
-from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.tolerance import DEFAULT, TIGHT, Tolerance
-from rigctl.engine.trajectories import Trajectories
+from rigctl.engine.trajectories import OfEachRecord, Trajectories
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -65,6 +64,9 @@ def simulate_soundly(
     # the outputs of this integration stay; only derivatives of suspects are replaced, and only once one is
     # used
     simulated = simulate(compiled, excitations, **how)
+    # of a program's records the derivatives are checked differences, and not yet made
+    if compiled.cascade is not None:
+        return simulated
     suspects = beyond_the_others(simulated) if simulated.ok and simulated.columns else {}
     if not suspects:
         return simulated
@@ -73,23 +75,6 @@ def simulate_soundly(
         return simulate(compiled, [excitations[index] for index in indices], tolerance=tolerance, **how)
 
     return replace(simulated, sensitivities=_CheckedDerivatives(simulated.sensitivities, suspects, again))
-
-
-class OfEachRecord(Sequence[Floats]):
-    """Derivatives of all records, each computed when it is first used: see `of`."""
-
-    @overload
-    def __getitem__(self, index: int) -> Floats: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Floats]: ...
-    def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
-        if isinstance(index, slice):
-            return [self.of(k) for k in range(*index.indices(len(self)))]
-        return self.of(range(len(self))[index])
-
-    @abstractmethod
-    def of(self, record: int) -> Floats:
-        """(n, outputs, columns) of a record."""
 
 
 class _CheckedDerivatives(OfEachRecord):

@@ -1,0 +1,1 @@
+"""The cost of an FMU as the model, in comparisons and diagnoses."""

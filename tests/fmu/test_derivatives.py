@@ -1,0 +1,205 @@
+"""Derivatives through an FMU, which are differences made as few times as possible, beside the exact ones of
+the same motor in equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fmu.motor_bench import EQUATIONS, FAMILY, MODEL, RIG
+from foreign_fmus import motor_fmu
+from rigctl.engine.compile import CompiledSystem, compile_system
+from rigctl.engine.excitation import Excitation
+from rigctl.engine.simulate import simulate
+from rigctl.engine.trajectories import Trajectories
+from rigctl.fmu.archive import digest
+from rigctl.fmu.program import allow
+from rigctl.foreign.pool import Pool, pool_of
+from rigctl.model import load_model
+from rigctl.model.build import build_system
+from systems import needs_compiler
+
+pytestmark = needs_compiler
+
+Floats = NDArray[np.float64]
+
+PERIOD = 10e-3
+#: switches to a larger value, to a smaller one and to 0, each between two samples
+SWITCHES = np.array([0.0, 0.1234, 0.2561, 0.3817, 0.4978])
+VOLTAGES = np.array([0.0, 9.0, -6.0, 6.0, 0.0])
+#: what moves them: delays of the three kinds, and all of them together
+SHIFTS = np.array([[0.0, 0.0, 0.0, 0.0], [0.01, 0, 0, 1], [0, 0.01, 0, 1], [0.01, 0, 0, 1], [0, 0, 0.01, 1]])
+MOVED = ("up", "down", "off", "all")
+PARAMETERS = ("resistance", "kt", "damping")
+INITIAL = ("current", "speed")
+LATE = {"dead_time_of_voltage": {"time": 0.0}, "lag_of_voltage": {"lag": 0.0}}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    place = tmp_path_factory.mktemp("motor")
+    motor_fmu(place / "motor.fmu")
+    files = {"family": FAMILY, "equations": EQUATIONS, "rig": RIG}
+    files |= {"model": f"model: family.yaml\n{MODEL}", "written": f"model: equations.yaml\n{MODEL}"}
+    for name, text in files.items():
+        (place / f"{name}.yaml").write_text(text, encoding="utf-8")
+    allow(digest(place / "motor.fmu"))
+    yield place
+
+
+def compiled(folder: Path, name: str, effects: dict[str, dict[str, float]]) -> CompiledSystem:
+    model = load_model(folder / f"{name}.yaml")
+    return compile_system(build_system(model.family, effects, model.rig))
+
+
+def record(system: CompiledSystem, *, shifts: Floats | None = SHIFTS, **changed: float) -> Excitation:
+    """The record for one of the two systems, whose states and parameters are in orders of their own."""
+    known = dict(zip(system.system.parameter_names, system.system.nominal, strict=True)) | changed
+    initial = np.array([0.0 for _ in system.system.states])
+    return Excitation(
+        PERIOD * np.arange(61),
+        SWITCHES,
+        VOLTAGES[:, None],
+        initial,
+        np.array([known[name] for name in system.system.parameter_names]),
+        "one",
+        shifts,
+    )
+
+
+def simulated(system: CompiledSystem, excitation: Excitation, *parameters: str) -> Trajectories:
+    moving = () if excitation.shifts is None else MOVED[: excitation.shifts.shape[1]]
+    return simulate(
+        system,
+        [excitation],
+        columns=parameters,
+        initial_columns=list(INITIAL),
+        shift_columns=moving,
+    ).require()
+
+
+def apart(one: Floats, other: Floats) -> float:
+    """By how much two columns differ, as a share of the second."""
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+def in_order(found: Trajectories) -> Floats:
+    """(samples, outputs, columns) with the outputs by their names."""
+    order = [found.output_names.index(name) for name in ("current", "speed")]
+    return np.asarray(found.sensitivities[0][:, order])
+
+
+@pytest.mark.parametrize(
+    "shifts",
+    [SHIFTS, np.hstack([np.zeros((5, 1)), np.diag([0.0, 1.0, 0.7, 1.0, 1.3])[:, 1:3]])],
+    ids=["fewer groups than columns", "each by itself"],
+)
+def test_every_column_is_that_of_the_equations(folder: Path, shifts: Floats) -> None:
+    through, exact = (compiled(folder, name, {}) for name in ("model", "written"))
+    found = in_order(simulated(through, record(through, shifts=shifts), *PARAMETERS))
+    right = in_order(simulated(exact, record(exact, shifts=shifts), *PARAMETERS))
+    assert found.shape == right.shape
+    for column in range(right.shape[2]):
+        for output in range(2):
+            if np.any(right[:, output, column]):
+                assert apart(found[:, output, column], right[:, output, column]) < 0.01
+            else:
+                assert not found[:, output, column].any()
+
+
+def test_a_delay_and_a_short_lag_of_a_command_are_what_its_switches_do_together(folder: Path) -> None:
+    through = compiled(folder, "model", LATE)
+    found = in_order(simulated(through, record(through), *(f"{e}.{p}" for e, ps in LATE.items() for p in ps)))
+    dead, lag, *_, every = (found[:, :, k] for k in range(found.shape[2]))
+    np.testing.assert_allclose(dead, every, rtol=1e-12, atol=1e-12 * np.abs(every).max())
+    assert apart(lag, every) < 0.02
+
+
+@pytest.fixture
+def jobs(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many simulations each call of a pool makes."""
+    made: list[int] = []
+    run: Callable[..., Any] = Pool.run
+
+    def counted(self: Pool, asked: Any) -> Any:
+        made.append(len(asked))
+        return run(self, asked)
+
+    monkeypatch.setattr(Pool, "run", counted)
+    return made
+
+
+def test_derivatives_that_are_not_used_take_no_simulation(folder: Path, jobs: list[int]) -> None:
+    through = compiled(folder, "model", {})
+    found = simulated(through, record(through), *PARAMETERS)
+    assert sum(jobs) == 1
+    assert found.sensitivities[0].shape == (61, 2, 9)
+    assert sum(jobs) > 1
+
+
+def test_a_record_that_hardly_moves_keeps_its_derivatives(folder: Path, jobs: list[int]) -> None:
+    through, exact = (compiled(folder, name, {}) for name in ("model", "written"))
+    in_order(simulated(through, record(through), *PARAMETERS))
+    jobs.clear()
+    near = {"resistance": 1.8 * 1.004, "kt": 0.045 * 0.997}
+    found = in_order(simulated(through, record(through, **near), *PARAMETERS))
+    assert sum(jobs) == 1
+    right = in_order(simulated(exact, record(exact, **near), *PARAMETERS))
+    for column in range(right.shape[2]):
+        assert apart(found[:, :, column], right[:, :, column]) < 0.03
+
+
+@pytest.mark.parametrize(
+    "moved",
+    [
+        lambda one: replace(one, parameters=one.parameters * 1.05),
+        lambda one: replace(one, switch_times=one.switch_times + 1e-3 * SHIFTS[:, 3]),
+        lambda one: replace(one, initial=one.initial + 1.0),
+        lambda one: replace(one, inputs=one.inputs * 1.001),
+        lambda one: replace(one, times=one.times[:-1]),
+    ],
+    ids=["parameters", "switches", "start", "commands", "samples"],
+)
+def test_a_record_that_moves_does_not(
+    folder: Path, jobs: list[int], moved: Callable[[Excitation], Excitation]
+) -> None:
+    through = compiled(folder, "model", {})
+    one = record(through)
+    in_order(simulated(through, one, *PARAMETERS))
+    jobs.clear()
+    found = in_order(simulated(through, moved(one), *PARAMETERS))
+    assert sum(jobs) > 1
+    again = in_order(simulated(compiled(folder, "model", {}), moved(one), *PARAMETERS))
+    for column in range(again.shape[2]):
+        assert apart(found[:, :, column], again[:, :, column]) < 0.005
+
+
+def test_the_mean_of_a_drive_is_what_the_program_is_given(folder: Path) -> None:
+    """A lag shorter than every interval takes from each switch its time constant times the jump."""
+    system = compiled(folder, "model", LATE)
+    lag = 2e-5
+    given: list[Floats] = []
+    pool = pool_of(system.system.foreign.program)  # type: ignore[union-attr]
+    run: Callable[..., Any] = pool.run
+
+    def seen(asked: Any) -> Any:
+        given.extend((each.points, each.drives[:, 0]) for each in asked)
+        return run(asked)
+
+    pool.run = seen  # type: ignore[method-assign]
+    try:
+        for value in (0.0, lag):
+            simulate(system, [record(system, shifts=None, **{"lag_of_voltage.lag": value})]).require()
+    finally:
+        del pool.run  # type: ignore[method-assign]
+    (points, before), (_, after) = given
+    missing = (after - before) * np.diff(points)
+    for at, jump in zip(SWITCHES[1:], np.diff(VOLTAGES), strict=True):
+        near = (points[:-1] > at - 1e-6) & (points[:-1] < at + 0.02)
+        assert missing[near].sum() == pytest.approx(-lag * jump, rel=0.01)
