@@ -3,8 +3,8 @@
 A derivative through a foreign program is a difference, which takes simulations; the outputs at a new point
 take one. Towards the end of a fit the unknowns move by ever less, and the derivatives with them. They are
 kept where every unknown has moved by less than `NEAR` of what it is, and the outputs moved as the derivatives
-predict: they are then as accurate as differences that agree (`rigctl.engine.cascade`). What a comparison or
-a diagnosis tests is linearised anew.
+predict: they are then as accurate as differences that agree (`rigctl.engine.cascade`). A comparison tests the
+columns of a whole library, which are others than a fit has, and so made anew at its end.
 """
 
 from __future__ import annotations
