@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
@@ -14,57 +13,18 @@ import pytest
 
 from commands import call, refusal
 from patience import unhurried
-from protocol_servers import Circuit
 from rigctl.backends.combined import bench as combined
 from rigctl.errors import ExitCode
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
-from several_devices import SeveralDevices, patient_devices, served_devices
+from several_devices import AGES, ALIGN, SeveralDevices, patient_devices, wired_devices
 
-#: s by which the readings of each device are old
-AGES = {"controller": 0.25, "plant": 0.1, "meter": 0.4}
 CHANNELS = {"controller": "oil_temperature", "plant": "supply_pressure", "meter": "line_temperature"}
-ALIGN = """
-align:
-  actuator: relief_valve
-  to: 30 bar
-  channels: [oil_temperature, supply_pressure, line_temperature]
-  hold: 2 s
-  repeats: 5
-clocks:
-  lab: {channels: [line_temperature], uncertainty: 1 s}  # not yet measured
-"""
-
-
-class Wired:
-    """The circuit for one device: its sensors are wired to the relief valve, and read late."""
-
-    def __init__(self, circuit: Circuit, age: float) -> None:
-        self._circuit, self.age = circuit, age
-        self.connected = True
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._circuit, name)
-
-    def read(self) -> dict[str, float]:
-        then = time.monotonic() - self.age
-        switched = [
-            value for at, name, value in self._circuit.switched if name == "relief_valve" and at <= then
-        ]
-        on = self.connected and bool(switched and switched[-1])
-        temperature = 293.15 + 20.0 * on
-        return self._circuit.read() | {
-            "oil_temperature": temperature,
-            "line_temperature": temperature,
-            "supply_pressure": 30e5 * on,
-        }
 
 
 @pytest.fixture(scope="module")
 def devices() -> Iterator[SeveralDevices]:
-    with served_devices() as served:
-        for name, server in served.servers.items():
-            server.circuit = Wired(served.circuit, AGES[name])  # type: ignore[assignment]
+    with wired_devices() as served:
         yield served
 
 

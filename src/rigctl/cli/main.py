@@ -185,8 +185,9 @@ def _carry_out() -> None:
         _refuse(RigctlError(text, where=Location(name), exit_code=ExitCode.FAILED), as_json=wanted)
     except SystemExit as end:
         # The library of the command line turns Ctrl-C into an exit; a command that has handled it itself has
-        # said so already.
-        if end.code == ExitCode.INTERRUPTED and _by_keyboard(end):
+        # said so already. At a question it has another code for it.
+        at_question = end.code == ExitCode.FAILED and _has(end, typer.Abort)
+        if (end.code == ExitCode.INTERRUPTED or at_question) and _has(end, KeyboardInterrupt):
             _refuse(RigctlError("Stopped", exit_code=ExitCode.INTERRUPTED), as_json=wanted)
         if end.code == ExitCode.FAILED and has_broken_pipe(end) and not is_unread():
             # the library of the command line ends silently, as if it were the output's
@@ -195,10 +196,10 @@ def _carry_out() -> None:
         raise
 
 
-def _by_keyboard(end: BaseException) -> bool:
-    """True if Ctrl-C interrupted the work; False for a command that then reported and ended by itself."""
+def _has(end: BaseException, kind: type[BaseException]) -> bool:
+    """True if such an error led to the end; False for a command that then reported and ended by itself."""
     error: BaseException | None = end
-    while error is not None and not isinstance(error, KeyboardInterrupt):
+    while error is not None and not isinstance(error, kind):
         error = error.__cause__ or error.__context__
     return error is not None
 

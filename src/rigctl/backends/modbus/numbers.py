@@ -75,7 +75,9 @@ class Place:
             missing = found == self.invalid
         if missing:
             return "nan"
-        return str(found) if self.is_bit else format(self.number(words), _DIGITS.get(self.kind, ".15e"))
+        if self.is_bit:
+            return str(found)
+        return format(float(found * self.scale + self.offset), _DIGITS.get(self.kind, ".15e"))
 
     def repeats(self, words: Sequence[int], number: float) -> bool:
         """Return whether registers have a number that was written to others, as these round."""
