@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from devices_in_virtual_time import InVirtualTime
 from rigctl.backends.errors import OutputsNotSafe
 from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand
+from rigctl.dataset import open_run
+from rigctl.dataset.recording import samples_file
 from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.rig import Rig, parse_rig
 from rigctl.runner.bench import Bench
@@ -88,6 +91,19 @@ def test_a_device_without_any_reading_is_missing_in_a_record(rig: Rig) -> None:
         counted.add((time, 0.0, 1.0, math.nan, 0.0, 0.0), "a", possible=True)
     assert [str(lack) for lack in counted.lacks(105.0)] == ["43 of 43 samples of b (100 %)"]
     assert counted.lacks(100.5) == []  # they may still be on their way
+
+
+def test_a_long_run_is_finalised_in_the_groups_in_which_it_is_read_back(
+    bench: InVirtualTime, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows of several devices that wait for earlier ones used to make blocks of more rows than a group has;
+    every run beyond 131 072 rows then ended with 'what was read back is not what was written'."""
+    monkeypatch.setattr(samples_file, "GROUP_ROWS", 64)
+    done = run(bench, tmp_path, RECORD.replace("5 s", "100 s"))
+    assert done.result.status == "finished", done.result.reason
+    found = open_run(done.result.folder).table("samples")
+    assert len(found["time"]) > 1000
+    assert np.all(np.diff(found["time"].to_numpy()) > 0.0)
 
 
 def test_each_device_without_contact_is_named_with_its_outputs(bench: InVirtualTime) -> None:

@@ -26,7 +26,11 @@ def test_rows_are_in_order_whole_and_never_at_one_time(steps: list[tuple[float, 
         for first in range(0, len(rows), each):
             yield rows[first : first + each].copy()
 
-    ordered = np.concatenate(list(samples_file._in_order(blocks(size))))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(samples_file, "GROUP_ROWS", size)
+        groups = list(samples_file._in_order(blocks(size)))
+    assert all(1 <= len(group) <= size for group in groups)
+    ordered = np.concatenate(groups)
     assert np.all(np.diff(ordered[:, 0]) > 0.0)
     assert sorted(ordered[:, 1]) == list(rows[:, 1])
     by_number = ordered[np.argsort(ordered[:, 1]), 0]

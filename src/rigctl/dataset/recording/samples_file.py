@@ -235,11 +235,16 @@ def _in_order(blocks: Iterator[NDArray[np.float64]]) -> Iterator[NDArray[np.floa
             rows[index, 0] = max(rows[index, 0], rows[index - 1, 0] + _APART)
         # What is older than any reading that can still come is final; the rest waits for the next block.
         ready = int(np.searchsorted(rows[:, 0], rows[-1, 0] - _LATEST)) if len(rows) else 0
-        if ready:
-            yield rows[:ready]
+        yield from _groups(rows[:ready])
         waiting = rows[ready:]
-    if waiting is not None and len(waiting):
-        yield waiting
+    if waiting is not None:
+        yield from _groups(waiting)
+
+
+def _groups(rows: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Yield rows as the file has them: a block of more than one group would be read back as two."""
+    for first in range(0, len(rows), GROUP_ROWS):
+        yield rows[first : first + GROUP_ROWS]
 
 
 def _write(path: Path, target: pa.Schema, blocks: Iterator[pa.Table]) -> SampleFacts:
