@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import ast
+import errno
 import os
+import threading
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,6 +17,7 @@ from commands import call
 from rigctl.cli.commands.init import create_project
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text, regular
+from rigctl.files.write import write_text
 from systems import needs_posix
 
 SOURCE = Path(__file__).parents[2] / "src" / "rigctl"
@@ -54,6 +59,52 @@ def test_on_windows_a_device_is_refused_before_it_is_opened(
     monkeypatch.setattr(os, "open", lambda *_: pytest.fail("it was opened"))
     with pytest.raises(OSError, match=f"'{name}' is a device on Windows, in every folder"):
         regular(str(tmp_path / name), os.O_RDONLY, windows=True)
+
+
+def test_on_windows_a_file_that_is_just_being_replaced_is_opened_a_moment_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A list of runs showed one as damaged whose run.json was replaced at that moment."""
+    path, opened, attempts = tmp_path / "run.json", os.open, [0]
+    path.write_text("{}", encoding="utf-8")
+
+    def refusing(*arguments: Any) -> int:
+        attempts[0] += 1
+        if attempts[0] < 4:
+            raise PermissionError(errno.EACCES, "Permission denied")  # as the C library says it
+        return opened(*arguments)
+
+    monkeypatch.setattr(os, "open", refusing)
+    os.close(regular(str(path), os.O_RDONLY, windows=True))
+    assert attempts == [4]
+    attempts[0] = 0
+    with pytest.raises(PermissionError):
+        regular(str(path), os.O_RDONLY, windows=False)
+    attempts[0] = 0
+    with pytest.raises(PermissionError):  # a folder is refused in the same words, and for good
+        regular(str(tmp_path), os.O_RDONLY, windows=True)
+    assert attempts == [1]
+
+
+def test_a_file_is_read_whole_while_it_is_replaced(tmp_path: Path) -> None:
+    """By another thread, as often as it can, with what a reader would notice half of."""
+    path, texts = tmp_path / "run.json", [letter * 5000 for letter in "ab"]
+    write_text(path, texts[0])
+    over = threading.Event()
+
+    def replace() -> None:
+        while not over.is_set():
+            for text in texts:
+                with suppress(RigctlError):  # Windows refuses it for as long as the reader never lets go
+                    write_text(path, text)
+
+    writer = threading.Thread(target=replace)
+    writer.start()
+    try:
+        assert {read_text(path) for _ in range(1000)} <= set(texts)
+    finally:
+        over.set()
+        writer.join()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a device there")

@@ -175,7 +175,7 @@ def test_replacing_a_file_held_open_for_good_fails_after_several_attempts(
 ) -> None:
     path = tmp_path / "a.txt"
     write_text(path, "old")
-    monkeypatch.setattr("rigctl.files.write._PAUSE", 0.1)
+    monkeypatch.setattr("rigctl.files.in_use._PAUSE", 0.1)
     attempts = held_open(monkeypatch, 10**6)
     with pytest.raises(RigctlError, match=r"denied\. If another program has it open, as a sp"):
         write_text(path, "new")

@@ -22,6 +22,7 @@ from patience import patient
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.errors import ExitCode
+from rigctl.files.regular import read_text
 from rigctl.files.shipped import shipped
 from systems import needs_posix, own_state
 from tclab_board import Served
@@ -205,7 +206,7 @@ def test_a_run_goes_on_to_its_end_when_the_program_that_started_it_is_ended(tmp_
 
 
 def _info(run: Path) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads((run / "run.json").read_text(encoding="utf-8"))
+    document: dict[str, Any] = json.loads(read_text(run / "run.json"))  # it may just be replaced
     return document
 
 

@@ -7,7 +7,11 @@ import os
 import stat
 from pathlib import Path
 
+from rigctl.files.in_use import in_use, patiently
 from rigctl.files.reserved_names import device_named
+
+#: s for a file that is just being replaced
+_REPLACED = 0.2
 
 
 def read_bytes(path: Path) -> bytes:
@@ -39,7 +43,8 @@ def read_text(path: Path, encoding: str = "utf-8", errors: str | None = None) ->
 def regular(path: str, flags: int, *, windows: bool = os.name == "nt") -> int:
     """An ``opener`` for `open` that refuses anything but a regular file: a pipe or a device may never end.
 
-    On Windows a file named like a device is not even opened: that would open the port, and restart its board.
+    On Windows a file named like a device is not even opened: that would open the port, and restart its board;
+    and one that another program replaces cannot be opened at that moment, which is waited for.
 
     Raises
     ------
@@ -48,7 +53,11 @@ def regular(path: str, flags: int, *, windows: bool = os.name == "nt") -> int:
     """
     if windows and (device := device_named(path)) is not None:
         raise OSError(errno.EINVAL, f"{device!r} is a device on Windows, in every folder", path)
-    descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # opening a pipe would block
+    descriptor = patiently(
+        lambda: os.open(path, flags | getattr(os, "O_NONBLOCK", 0)),  # opening a pipe would block
+        _REPLACED,
+        lambda problem: in_use(problem, windows=windows) and not Path(path).is_dir(),
+    )
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):
         return descriptor

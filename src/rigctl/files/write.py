@@ -14,21 +14,16 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import date
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import Any, Final
+from typing import Any
 
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.in_use import in_use, patiently
 from rigctl.json_values import finite_or_none
-
-#: errors of Windows for a file that another program has open: access denied, sharing violation
-_IN_USE: Final = (5, 32)
-#: time between two attempts, s
-_PAUSE: Final = 0.002
 
 
 def write_text(path: Path, text: str) -> None:
@@ -94,7 +89,7 @@ def replace_file(draft: Path, path: Path, patience: float = 0.5) -> None:
     OSError
         it is refused for longer, or for another reason.
     """
-    _patiently(lambda: draft.replace(path), patience)
+    patiently(lambda: draft.replace(path), patience)
 
 
 def move_folder(folder: Path, target: Path, patience: float = 5.0) -> Path:
@@ -108,22 +103,8 @@ def move_folder(folder: Path, target: Path, patience: float = 5.0) -> Path:
     OSError
         it is refused for longer, or for another reason: there is such a folder.
     """
-    _patiently(lambda: folder.rename(target), patience)
+    patiently(lambda: folder.rename(target), patience)
     return target
-
-
-def _patiently(rename: Callable[[], object], patience: float) -> None:
-    """Try until no other program has the file open, for at most `patience` s."""
-    give_up = time.monotonic() + patience
-    while True:
-        try:
-            rename()
-        except OSError as problem:
-            if getattr(problem, "winerror", None) not in _IN_USE or time.monotonic() >= give_up:
-                raise
-            time.sleep(_PAUSE)
-        else:
-            return
 
 
 def _draft(path: Path, content: bytes) -> Path:
@@ -148,11 +129,11 @@ def write_error(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
-        in_use = getattr(problem, "winerror", None) in _IN_USE and path.exists()
+        held = in_use(problem) and path.exists()
         raise RigctlError(
             f"cannot write the file: {problem.strerror or problem}",
             where=Location(path),
-            hint="If another program has it open, as a spreadsheet may, close it there" if in_use else None,
+            hint="If another program has it open, as a spreadsheet may, close it there" if held else None,
             exit_code=ExitCode.FAILED,
         ) from problem
 
