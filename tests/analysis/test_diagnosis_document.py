@@ -59,7 +59,8 @@ def diagnosis(excluded: tuple[Exclusion, ...]) -> Diagnosis:
 
 
 def test_the_json_of_an_excluded_effect_has_the_documented_fields() -> None:
-    (row,) = re.findall(r"^\| `excluded` \|(.*)\|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    of_diagnose = PAGE.read_text(encoding="utf-8").partition("\n## diagnose\n")[2].partition("\n## ")[0]
+    (row,) = re.findall(r"^\| `excluded` \|(.*)\|$", of_diagnose, re.MULTILINE)
     known: dict[str, Any] = {one.name: 4.5 for one in fields(Exclusion)}
     known |= {"effect": "piston_leakage", "only": ("20 degC",)}
     (told,) = diagnosis((Exclusion(**known),)).document()["excluded"]

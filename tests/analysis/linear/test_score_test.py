@@ -74,6 +74,7 @@ def hidden(own: list[float], shared: list[float]) -> tuple[float, str]:
     candidate = Candidate(effect, ("radiation.area",), (0,), {})
     fit: Any = SimpleNamespace(
         problem=SimpleNamespace(
+            compiled=SimpleNamespace(cascade=None),
             measurements=SimpleNamespace(table=False),
             noise=SimpleNamespace(channels=()),
             shared=(Unknown("convection", 1.0),),
