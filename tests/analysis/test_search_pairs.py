@@ -43,7 +43,10 @@ def test_each_pair_of_effects_is_listed_once_whatever_its_shapes() -> None:
         5.0 * lag + 4.0 * leak + 3.0 * load,
         ROWS,
     )
-    fit: Any = SimpleNamespace(problem=SimpleNamespace(measurements=SimpleNamespace(table=False)))
+    problem = SimpleNamespace(
+        measurements=SimpleNamespace(table=False), compiled=SimpleNamespace(cascade=None)
+    )
+    fit: Any = SimpleNamespace(problem=problem)
     sizes = np.linalg.norm(triangle.signatures, axis=0)
     lin = Linearisation(
         fit,

@@ -174,3 +174,42 @@ def test_a_device_that_never_stops_sending_does_not_hold_up_its_guard(
         patch.setattr(SafeStateRetries, "_pause", lambda *_: False)
         assert not SafeStateRetries(ORDERS, clock, lambda: port, lambda: False).carry_out(port)
     assert port.sketch.heaters == (0.0, 0.0)
+
+
+class Mute(MemoryPort):
+    """A device that receives nothing for a while."""
+
+    mute = False
+
+    def write(self, data: bytes) -> None:
+        if not self.mute:
+            super().write(data)
+
+
+@pytest.mark.parametrize("outage", [3.0, 10.0, 20.0])
+def test_a_device_that_is_back_after_an_outage_is_believed_soon(outage: float) -> None:
+    """Nothing that was asked so long ago is still to come, however long nothing came."""
+    clock = VirtualClock()
+    port = Mute(Sketch(clock.now), clock)
+    assert TCLAB.backend.lines is not None
+    bench = LineBench(TCLAB, TCLAB.backend.lines, clock, lambda: port, kind="serial")
+    bench.open()
+    bench.start(2.0)
+    assert bench.next_sample(5.0) is not None
+
+    def reads_until(end: float) -> bool:
+        while clock.now() < end:
+            try:
+                if bench.next_sample(1.0) is not None:
+                    return True
+            except BackendLost:
+                clock.sleep_until(clock.now() + 0.5)
+        return False
+
+    port.mute = True
+    reads_until(clock.now() + 1.0)  # what was still under way
+    assert not reads_until(clock.now() + outage)
+    port.mute = False
+    began = clock.now()
+    assert reads_until(began + outage + 60.0)
+    assert clock.now() - began < 5.0

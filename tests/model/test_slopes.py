@@ -20,6 +20,9 @@ from rigctl.model.fit import slopes
 from rigctl.model.fit.slopes import beyond_the_others, simulate_soundly
 
 
+EQUATIONS: Any = SimpleNamespace(cascade=None)  #: a system without programs
+
+
 def trajectories(sensitivities: Sequence[np.ndarray]) -> Trajectories:
     """Records of five samples and one output."""
     count = len(sensitivities)
@@ -81,7 +84,7 @@ def in_doubt(
         return trajectories([made(record, tolerance) for record in records])
 
     monkeypatch.setattr(slopes, "simulate", integrate)
-    return simulate_soundly(cast("Any", None), cast("Any", range(6)), ("a", "b"), ()), asked
+    return simulate_soundly(EQUATIONS, cast("Any", range(6)), ("a", "b"), ()), asked
 
 
 @pytest.mark.parametrize("share", [1e6, 1e3, np.nan])

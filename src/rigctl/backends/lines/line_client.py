@@ -25,6 +25,8 @@ _QUIET = 0.1  # s
 _REMEMBERED = 20  # answers of which the slowest is known
 _KEPT, _WIDTH = 3, 60  # number and length of the unsolicited lines whose text is kept
 _LONGEST_NOISE = 1.0  # longest uninterrupted output of a line-based device, s
+#: an answer that is later than so many time-outs is not expected any more: its query was lost
+_LOST_AFTER = 4.0
 #: reads of what has arrived before a query, and lines before an answer: no device that never stops sending
 #: holds up an ending
 _MOST = 1000
@@ -331,6 +333,10 @@ class LineClient:
     def _identified(self, identify: Exchange, patience: float) -> Conversation[str | None]:
         """Read the newest identity that was asked for, and return None; otherwise what came instead of it."""
         deadline = self._clock.now() + patience
+        # What was asked before an outage will not come, and would keep the device waiting for as long as that
+        # lasted: this one always counts.
+        while self._clock.now() - self._identities_due[0] > _LOST_AFTER * self._lines.timeout:
+            self._identities_due.popleft()
         wrong, stranger, late = "", False, False
         for _ in range(_MOST):
             line = yield from self._line(deadline)
