@@ -19,7 +19,6 @@ from rigctl.engine.trajectories import Trajectories
 from rigctl.model.fit import slopes
 from rigctl.model.fit.slopes import beyond_the_others, simulate_soundly
 
-
 EQUATIONS: Any = SimpleNamespace(cascade=None)  #: a system without programs
 
 
