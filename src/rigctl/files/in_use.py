@@ -6,7 +6,6 @@ opened for as long; a virus scanner or the index of a search takes somewhat long
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from typing import Final, TypeVar
@@ -19,12 +18,9 @@ _IN_USE: Final = (5, 32)
 _PAUSE: Final = 0.002
 
 
-def in_use(problem: OSError, *, windows: bool = os.name == "nt") -> bool:
-    """Whether Windows has refused a file that another program may have open.
-
-    `os.open` goes through the C library there, whose error lacks Windows' own number.
-    """
-    return getattr(problem, "winerror", None) in _IN_USE or (windows and isinstance(problem, PermissionError))
+def in_use(problem: OSError) -> bool:
+    """Whether it is Windows' error for a file that another program has open."""
+    return getattr(problem, "winerror", None) in _IN_USE
 
 
 def patiently(attempt: Callable[[], _T], patience: float, refused: Callable[[OSError], bool] = in_use) -> _T:

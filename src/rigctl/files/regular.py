@@ -7,7 +7,7 @@ import os
 import stat
 from pathlib import Path
 
-from rigctl.files.in_use import in_use, patiently
+from rigctl.files.in_use import patiently
 from rigctl.files.reserved_names import device_named
 
 #: s for a file that is just being replaced
@@ -56,7 +56,8 @@ def regular(path: str, flags: int, *, windows: bool = os.name == "nt") -> int:
     descriptor = patiently(
         lambda: os.open(path, flags | getattr(os, "O_NONBLOCK", 0)),  # opening a pipe would block
         _REPLACED,
-        lambda problem: in_use(problem, windows=windows) and not Path(path).is_dir(),
+        # `os.open` goes through the C library, whose error lacks Windows' number; folders get the same one
+        lambda problem: windows and isinstance(problem, PermissionError) and not Path(path).is_dir(),
     )
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):
