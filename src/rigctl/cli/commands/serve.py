@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections.abc import Callable
@@ -81,11 +82,21 @@ def serve(
 
 
 def _input_ended() -> Callable[[], bool]:
-    """Whether stdin is at its end: the parent process has ended, or requests the end of this one."""
+    """Whether stdin is at its end: the parent process has ended, or requests the end of this one.
+
+    It is read by a name of its own, and stdin is nothing from then on. On Windows each library with an
+    extension asks at its import what stdin is, and would wait there for the end of the read, as would each
+    process that is started.
+    """
     ended = threading.Event()
+    stdin = sys.stdin.fileno()
+    own = os.dup(stdin)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, stdin)
+    os.close(nothing)
 
     def read() -> None:
-        while sys.stdin.read(1):
+        while os.read(own, 1):
             pass
         ended.set()
 
