@@ -101,9 +101,10 @@ and a separation of the predictions, not by Akaike weights or a test of χ²; it
 the rival is refitted, on a grid of nine values of each variable that may go no further than a quarter
 beyond the values so far; it starts with as many rows at random as the table says. The readings may be
 negative where the authors take the absolute value. The authors' tables of successes, failures and
-additional experiments were not available when this page was made, so that none is printed beside; their two
+additional experiments were not available when this page was made, so that none is printed beside; their
 cases of differential equations are left out, since one of their experiments is a single reading at a chosen
-time, where a record has all readings. `rigctl learn` takes one model, and is not part of this.
+time, where a record has all readings, and of the others bffc1990a. `rigctl learn` takes one model, and is not
+part of this.
 """
 _CASES = (
     "case",

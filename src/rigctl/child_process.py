@@ -53,6 +53,19 @@ def leave_out_working_folder() -> None:
         del sys.path[0]
 
 
+def own_stdin() -> int:
+    """A descriptor of stdin for this process alone; stdin itself is nothing from then on.
+
+    For a process that reads its stdin in a thread. On Windows each library with an extension asks at its
+    import what stdin is, and would wait there for the end of the read, as would each process that is started.
+    """
+    own = os.dup(0)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    return own
+
+
 def _isolation() -> dict[str, str]:
     searched = os.environ.get(_SEARCHED)
     if searched is None:

@@ -62,13 +62,18 @@ class LatePort(MemoryPort):
         super().write(data)
 
 
+def bench_on(port: MemoryPort, rig: Rig = TCLAB) -> LineBench:
+    assert rig.backend.lines is not None
+    bench = LineBench(rig, rig.backend.lines, port.clock, lambda: port, kind="serial")
+    bench.open()
+    return bench
+
+
 def opened(rig: Rig) -> tuple[LineBench, LatePort, Stuck]:
     clock = VirtualClock()
     sketch = Stuck(clock.now)
     port = LatePort(sketch, clock)
-    assert rig.backend.lines is not None
-    bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
-    bench.open()
+    bench = bench_on(port, rig)
     bench.start(2.0)
     for _ in range(3):
         bench.next_sample(5.0)
@@ -148,9 +153,7 @@ def test_a_device_that_never_stops_sending_does_not_hold_up_the_ending(rig: Rig,
     clock = VirtualClock()
     sketch = Sketch(clock.now)
     port = Chatterbox(sketch, clock)
-    assert rig.backend.lines is not None
-    bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
-    bench.open()
+    bench = bench_on(port, rig)
     bench.command("heater_1", 0.6).wait()
     port.talks, port.text = True, text
     began = clock.now()
@@ -191,9 +194,7 @@ def test_a_device_that_is_back_after_an_outage_is_believed_soon(outage: float) -
     """Nothing that was asked so long ago is still to come, however long nothing came."""
     clock = VirtualClock()
     port = Mute(Sketch(clock.now), clock)
-    assert TCLAB.backend.lines is not None
-    bench = LineBench(TCLAB, TCLAB.backend.lines, clock, lambda: port, kind="serial")
-    bench.open()
+    bench = bench_on(port)
     bench.start(2.0)
     assert bench.next_sample(5.0) is not None
 

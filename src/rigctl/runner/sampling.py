@@ -298,9 +298,8 @@ class Sampling:
         # limits; `taken` is that without impossible values; `newest` also has the latest value of every other
         # device's channels.
         read = self._row(sample.read)
-        taken = self._possible.of(
-            read, device
-        )  # what is impossible is stored as it was read, and is no value here
+        # what is impossible is stored as it was read, and is no value here
+        taken = self._possible.of(read, device)
         bench.newest = taken if not device else self._possible.of(self._row(sample))
         bench.read_at[device] = read[0]
         self.newest = sample.time

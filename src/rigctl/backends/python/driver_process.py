@@ -27,7 +27,7 @@ from queue import SimpleQueue
 from typing import IO, Any
 
 from rigctl.backends.transport.readback import is_near
-from rigctl.child_process import module_command
+from rigctl.child_process import module_command, own_stdin
 
 _PART = re.compile(r"[^.\[\]]+")
 _MOST = 120  # characters of what a driver says that are repeated
@@ -522,10 +522,8 @@ def _listen(lines: IO[str], coming: SimpleQueue[str], watch: _Watch) -> None:
 
 def _own_streams() -> tuple[IO[str], IO[str]]:
     """Return this process's input and output, and keep the driver from both: it may print and ask."""
-    lines = os.fdopen(os.dup(0), "r", encoding="utf-8")
+    lines = os.fdopen(own_stdin(), "r", encoding="utf-8")
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    nothing = os.open(os.devnull, os.O_RDWR)
-    os.dup2(nothing, 0)
     os.dup2(2, 1)
     return lines, out
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -82,21 +81,13 @@ def serve(
 
 
 def _input_ended() -> Callable[[], bool]:
-    """Whether stdin is at its end: the parent process has ended, or requests the end of this one.
+    """Whether stdin is at its end: the parent process has ended, or requests the end of this one."""
+    from rigctl.child_process import own_stdin
 
-    It is read by a name of its own, and stdin is nothing from then on. On Windows each library with an
-    extension asks at its import what stdin is, and would wait there for the end of the read, as would each
-    process that is started.
-    """
-    ended = threading.Event()
-    stdin = sys.stdin.fileno()
-    own = os.dup(stdin)
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(nothing, stdin)
-    os.close(nothing)
+    ended, stdin = threading.Event(), own_stdin()
 
     def read() -> None:
-        while os.read(own, 1):
+        while os.read(stdin, 1):
             pass
         ended.set()
 
