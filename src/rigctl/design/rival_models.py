@@ -50,10 +50,8 @@ def question_between(
         the models do not describe one bench, or one cannot be fitted.
     """
     _require_different_names(models)
-    fits: list[FitResult] = []
-    for model in models:
-        data = read_runs(model, runs, hold_out=hold_out, only=only, on_progress=on_progress)
-        fits.append(fit_to_data(model, data, on_progress=on_progress))
+    read = [read_runs(one, runs, hold_out=hold_out, only=only, on_progress=on_progress) for one in models]
+    fits = [fit_to_data(one, data, on_progress=on_progress) for one, data in zip(models, read, strict=True)]
     _require_one_bench(fits)
     rivals = weighed([_rival(one) for one in _in_one_noise(fits, on_progress)], most=len(fits))
     left = _not_excluded(rivals)
