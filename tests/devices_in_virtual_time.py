@@ -22,6 +22,7 @@ class Part:
     first: float = 0.0  # s, until which it has not been read
     due: float = 0.0
     fastest: float = math.inf  # Hz
+    late: Callable[[float], float] = lambda _: 0.0  # s, by which a reading comes after the time it was due
     commands: dict[str, float] = field(default_factory=dict)
 
 
@@ -54,11 +55,12 @@ class InVirtualTime:
     def next_sample(self, timeout: float) -> Sample | None:
         give_up = self.clock.now() + timeout
         while True:
-            name, part = min(self.parts.items(), key=lambda one: one[1].due)
-            if part.due > give_up:
+            name, part = min(self.parts.items(), key=lambda one: one[1].due + one[1].late(one[1].due))
+            time = part.due + part.late(part.due)
+            if time > give_up:
                 self.clock.sleep_until(give_up)
                 return None
-            time, part.due = part.due, part.due + 1.0 / min(self._rate, part.fastest)
+            part.due += 1.0 / min(self._rate, part.fastest)
             self.clock.sleep_until(time)
             if time < part.first or part.silent(time):
                 continue

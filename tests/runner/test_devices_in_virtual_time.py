@@ -136,6 +136,27 @@ def test_a_loop_acts_at_the_readings_of_its_channel_not_at_rows_of_other_devices
     assert at == pytest.approx([round(time, 1) for time in at], abs=1e-6)
 
 
+def test_a_loop_uses_every_reading_of_a_device_that_is_a_little_late_now_and_then(
+    tmp_path: Path,
+) -> None:
+    """The reading after a late one was too early by as much, and was left out: the output stood still."""
+    level = 'x: {device: a, kind: level, unit: "%", low: 0 %, high: 100 %}'
+    text = RIG.replace("x: {device: a, kind: switch}", level).replace("{x: off,", "{x: 0 %,")
+    bench = InVirtualTime(parse_rig(text), ScriptedClock())
+    bench.parts["a"].late = lambda due: 0.002 if round(10.0 * due) % 7 == 3 else 0.0
+    bench.parts["a"].value = lambda time: 1.0 + 0.1 * math.sin(time)
+    loop = "{actuator: x, channel: va, to: 3 V, gain: 20 %/V, integral: 4 %/(V*s), rate: 10 Hz, for: 10 s}"
+    done = run(
+        bench, tmp_path, f"steps:\n  - record: {{name: r, rate: 10 Hz}}\n    do:\n      - control: {loop}\n"
+    )
+    assert done.result.status == "finished", done.result.reason
+    at = np.array([time for time, value in bench.given if value != 0.0])
+    assert np.diff(at) == pytest.approx(0.1, abs=0.0021)
+    assert at.size >= 99
+    kept = open_run(done.result.folder).record(0).measures
+    assert kept["control_jitter_p99"] == pytest.approx(0.002, abs=1e-6)
+
+
 class _WithBoard(InVirtualTime):
     """Its device `b` executes a loop by itself."""
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
@@ -16,6 +18,7 @@ from rigctl.planning import preview
 from rigctl.rig import load_rig
 from rigctl.steps.control.oscillation import OscillationDetector
 from rigctl.steps.control.pid import AntiWindup, Bounds, Gains, Pid
+from rigctl.steps.control.timing import Cadence
 from rigctl.testing import RunLog, VirtualBench
 
 HEATERS = shipped("rigs", "heater-board.yaml")
@@ -116,6 +119,46 @@ def test_the_output_stays_within_limits_and_recovers_from_extreme_values(
     for k in range(20, 400):
         low = loop.update(0.1 * k, 90.0, 45.0, 0.0)
     assert low == 0.0
+
+
+def updates(cadence: Cadence, times: np.ndarray, spacing: float) -> np.ndarray:
+    return np.array([time for time in times if cadence.is_due(time, spacing)])
+
+
+@given(st.integers(1, 8), st.floats(0.0, 0.45), st.floats(1e-3, 10.0), st.integers(0, 2**32 - 1))
+def test_early_and_late_readings_cost_a_loop_no_update(
+    every: int, jitter: float, period: float, seed: int
+) -> None:
+    """With `every` readings a period, each earlier or later by up to `jitter` of the time between two."""
+    spacing, offsets = period / every, np.random.default_rng(seed).uniform(-jitter, jitter, 40 * every + 1)
+    offsets[0] = 0.0  # the first one fixes the grid
+    found = updates(Cadence(period), (np.arange(offsets.size) + offsets) * spacing, spacing)
+    assert found == pytest.approx(np.arange(41) * period, abs=(jitter + 1e-9) * spacing)
+
+
+@given(st.floats(1.0, 20.0), st.integers(0, 2**32 - 1))
+def test_a_loop_keeps_its_rate_between_readings_that_do_not_divide_its_period(
+    times: float, seed: int
+) -> None:
+    """What came of 20 Hz in a record of 30 Hz used to be 15."""
+    phase = np.random.default_rng(seed).uniform(0.0, 1.0)
+    found = updates(Cadence(1.0), (phase + np.arange(int(100 * times))) / times, 1.0 / times)
+    assert found.size == pytest.approx(100, abs=1)
+    assert np.abs(found - found[0] - np.arange(found.size)).max() <= 0.5 / times + 1e-9
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 0.45), st.integers(0, 2**32 - 1))
+def test_an_actuator_is_not_commanded_in_less_than_its_shortest_interval(
+    shortest: float, jitter: float, seed: int
+) -> None:
+    times = np.arange(200) + np.random.default_rng(seed).uniform(-jitter, jitter, 200)
+    found = updates(Cadence(1.0, shortest), times, 1.0)
+    assert np.diff(found).min() >= shortest - 0.02
+
+
+def test_after_a_gap_no_updates_are_made_up_for() -> None:
+    times = np.array([0.0, 1.0, 2.0, 7.3, 8.2, 8.3, 9.3, 10.2, 10.3])
+    assert updates(Cadence(1.0), times, 0.1).tolist() == [0.0, 1.0, 2.0, 7.3, 8.3, 9.3, 10.3]
 
 
 def controller(

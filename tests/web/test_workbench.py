@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
 
 import numpy as np
 import pytest
@@ -348,14 +349,14 @@ def children(parent: int) -> list[tuple[int, str]]:
     return [(int(pid), args) for pid, ppid, args in lines if int(ppid) == parent]
 
 
-def test_only_files_of_the_project_can_be_imported(leaking: Served) -> None:
-    outside = {"file": "../../secret.csv", "rig": "", "assume": []}
-    headers = {"Origin": leaking.base}
-    status, _, text = leaking.ask(
-        "POST", "/api/workbench/import", outside, headers=headers, cookie=leaking.enter()
-    )
-    assert status == 400
-    assert "only files of the project" in text
+@pytest.mark.parametrize("path", ["../../secret.yaml", "/etc/secret.yaml", "models/a\0b.yaml"])
+def test_only_files_of_the_project_are_imported_or_have_a_history(leaking: Served, path: str) -> None:
+    headers, cookie = {"Origin": leaking.base}, leaking.enter()
+    brought = {"file": path, "rig": "", "assume": []}
+    asked = "/api/workbench/history?" + urlencode({"model": path})
+    for method, route, body in (("POST", "/api/workbench/import", brought), ("GET", asked, None)):
+        status, _, text = leaking.ask(method, route, body, headers=headers, cookie=cookie)
+        assert (status, json.loads(text)["what"]) == (400, "the project has no such place"), route
 
 
 @pytest.mark.parametrize(

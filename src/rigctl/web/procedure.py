@@ -24,7 +24,7 @@ from rigctl.child_process import module_command
 from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError, SeveralErrors
 from rigctl.files.regular import read_text
-from rigctl.web.report import inside, project_files
+from rigctl.web.project_files import project_file, project_files, project_path
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import PagePart, Site
 
@@ -65,7 +65,7 @@ class Procedures:
 
     def read(self, request: PageRequest) -> dict[str, Any]:
         """A file's text."""
-        path = inside(self._site.require_project(), request.text("path"))
+        path = project_file(self._site.require_project(), request.text("path"))
         try:
             text = read_text(path)
         except UnicodeDecodeError as problem:
@@ -84,7 +84,7 @@ class Procedures:
 
         root = self._site.require_project()
         try:
-            plan = _plan(_within(root, request.text("path")), request.text("text"))
+            plan = _plan(project_path(root, request.text("path")), request.text("text"))
             refuse_rates(plan)
             refuse_needed(plan)
             forecast = preview(plan)
@@ -125,7 +125,7 @@ class Procedures:
         Starting the real bench requires typing its name: a click alone moves nothing.
         """
         root = self._site.require_project()
-        path = inside(root, request.text("path"))
+        path = project_file(root, request.text("path"))
         file = path.relative_to(root.resolve()).as_posix()
         plan = _plan(path, read_text(path))
         if request.text("bench") == "simulated":
@@ -199,7 +199,7 @@ class Procedures:
 
     def _writable(self, root: Path, name: str) -> Path:
         """A file in the folder of procedures, which may be new."""
-        path, home = _within(root, name), (root / _FOLDER).resolve()
+        path, home = project_path(root, name), (root / _FOLDER).resolve()
         if path.suffix != ".yaml" or not path.is_relative_to(home) or path.is_dir():
             raise RigctlError(
                 "a procedure is kept under procedures/", value=name, expected="procedures/NAME.yaml"
@@ -232,20 +232,6 @@ class _RunProcess:
         self._over.wait(2.0)
         lines = [line.removeprefix("rigctl: ") for line in self.output.splitlines() if line.strip()]
         return "\n".join(lines[-5:]) or "the run's program has ended without a message"
-
-
-def _within(root: Path, name: str) -> Path:
-    """A path of the project, whether or not there is a file.
-
-    Raises
-    ------
-    RigctlError
-        it leads out of the project.
-    """
-    path = (root / name).resolve() if "\0" not in name else root
-    if not path.is_relative_to(root.resolve()) or path == root.resolve():
-        raise RigctlError("the project has no such place", value=name)
-    return path
 
 
 def _plan(path: Path, text: str) -> Plan:

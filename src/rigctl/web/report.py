@@ -14,6 +14,7 @@ from starlette.responses import HTMLResponse, Response
 from rigctl.command_line import command
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
+from rigctl.web.project_files import project_file, project_files
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.runs import plain_id
 from rigctl.web.server_state import PagePart, Site
@@ -55,7 +56,7 @@ class Pages:
             raise RigctlError("runs: how many is wrong", value=str(len(runs)), expected=f"1 to {_MOST}")
         arguments = [*runs]
         for model in request.texts("models"):
-            arguments += ["--model", inside(root, model).relative_to(root.resolve()).as_posix()]
+            arguments += ["--model", project_file(root, model).relative_to(root.resolve()).as_posix()]
         if request.body.get("diagnose") is True:
             arguments.append("--diagnose")
         page = self._site.jobs.scratch / f"{token_hex(8)}.html"  # two windows may ask at once
@@ -84,26 +85,6 @@ class Pages:
         policy = html.unescape(match.group(1)) if match else "default-src 'none'"
         sealed = f"{policy}; frame-ancestors 'self'; sandbox allow-scripts allow-downloads allow-popups"
         return HTMLResponse(text, headers={"content-security-policy": sealed})
-
-
-def project_files(root: Path, folder: str) -> list[str]:
-    """The YAML files of a folder of the project, relative to its root."""
-    directory = root / folder
-    return [path.relative_to(root).as_posix() for path in sorted(directory.glob("*.yaml")) if path.is_file()]
-
-
-def inside(root: Path, name: str) -> Path:
-    """A file of the project by its path from the root.
-
-    Raises
-    ------
-    RigctlError
-        it leads out of the project, or there is no such file.
-    """
-    path = (root / name).resolve() if "\0" not in name else root
-    if not path.is_relative_to(root.resolve()) or not path.is_file():
-        raise RigctlError("the project has no such file", value=name)
-    return root.resolve() / path.relative_to(root.resolve())
 
 
 PART = PagePart("report", "Report", "What one or more runs have shown.", routes)

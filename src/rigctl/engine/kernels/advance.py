@@ -1,4 +1,12 @@
-"""Adaptive steps from one moment to another while the inputs are constant, or change steadily."""
+"""Adaptive steps from one moment to another while the inputs are constant, or change steadily.
+
+`record` goes from event to event; this goes from one event to the next, in as many steps of `esdirk` as the
+tolerances ask for. `restart` evaluates the derivatives after an event and proposes the first step, `advance`
+steps until exactly the next event. The error of a step, in units of ``absolute + relative·|y|``, is
+proportional to h³, hence
+
+    h_next = 0.9·h·error^(-1/3),   a step with error > 1 is taken again with it.
+"""
 
 from __future__ import annotations
 

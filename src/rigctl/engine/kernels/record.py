@@ -1,4 +1,15 @@
-"""One record: from its first command to its last sample, over every switch."""
+"""One record: from its first command to its last sample, over every switch.
+
+The integration goes from event to event: a sample, a command, a knot of a ramp, or something that acts by
+itself, such as a delayed command. At one moment there may be several, and their order is fixed:
+
+1. samples, which show what was before the switch,
+2. knots, which change the slope of an input,
+3. what waited for this moment, then the commands of it (`settle`),
+4. where an input has jumped, a restart: the derivatives before it say nothing about those after it.
+
+Then `advance` integrates to the next event, exactly: nothing is interpolated.
+"""
 
 from __future__ import annotations
 

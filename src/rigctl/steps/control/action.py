@@ -23,13 +23,11 @@ from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.control.feed_forward import FeedForward
 from rigctl.steps.control.oscillation import OscillationDetector
 from rigctl.steps.control.pid import Bounds, Gains, Pid
-from rigctl.steps.control.timing import Timing
+from rigctl.steps.control.timing import Cadence, Timing
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling
 from rigctl.units import show
 
-#: fraction of the loop's period by which an update may be early, since times on the sampling grid are rounded
-EARLY = 0.01
 #: longest wait of a loop for the first value of its feed-forward: s, or periods if that is longer
 _UNDEFINED, _UNDEFINED_PERIODS = 1.0, 10.0
 #: the measures of a loop that are stored, and their units
@@ -115,16 +113,14 @@ class Control(Action):
         loop = _Loop(self, bench, watch, first)
         begin = bench.now
         end = begin + self.longest
-        due = -math.inf
+        cadence = Cadence(self.period, bench.rig.actuators[self.actuator].min_interval)
         # A reading taken after the last command: the first error decides how a bumpless start continues.
         row: Row | None = yield from bench.fresh()
         while True:
             # With several devices, rows come from all of them: the loop counts those of its own channel, by
             # their times.
             row = bench.read_with(row, self.channel) if row is not None else None
-            if row is not None and row[0] >= due:
-                # From this reading on, not from the last due time: after a gap no updates are made up for.
-                due = row[0] + self.period * (1.0 - EARLY)
+            if row is not None and cadence.is_due(row[0], 1.0 / bench.rate_of(self.channel)):
                 if possible(row[column]) and not math.isnan(row[column]):
                     if loop.update(row, row[column], timing):
                         return

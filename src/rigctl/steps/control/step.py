@@ -29,10 +29,11 @@ from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import RATE, AnyDifference, AnyRate, AnyTolerance, AnyValue, Duration, Rate
 from rigctl.project import find_project
 from rigctl.rig import Actuator, Channel
-from rigctl.steps.control.action import EARLY, KEPT, Control
+from rigctl.steps.control.action import KEPT, Control
 from rigctl.steps.control.feed_forward import FeedForward, read_feed_forward
 from rigctl.steps.control.on_board import ControlOnBoard, whole_period
 from rigctl.steps.control.pid import AntiWindup, Bounds, Gains
+from rigctl.steps.control.timing import EARLY
 from rigctl.units import show
 
 #: default amplitude, as a fraction of the channel's range, from which a sustained oscillation ends the step

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.command_line import DataOptions, command
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.web.project_files import project_path
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Site
 from rigctl.workbench.commands import Subject
@@ -115,7 +116,7 @@ def history(site: Site, request: PageRequest) -> dict[str, Any]:
     from rigctl.model import current_version, versions
     from rigctl.model.history.document import history_document
 
-    head = split_version(site.project.resolve(request.text("model")))[0]
+    head = split_version(project_path(site.require_project(), request.text("model")))[0]
     return history_document(versions(head), current_version(head))
 
 
@@ -189,13 +190,9 @@ def bring_in(site: Site, request: PageRequest) -> dict[str, Any]:
     from rigctl.web.workbench import work
 
     root, written, rig = site.require_project(), request.text("file"), request.text("rig", "")
-    path = (root / written).resolve()
-    if not path.is_relative_to(root.resolve()):
-        raise RigctlError(
-            "only files of the project are brought in from here",
-            value=written,
-            hint="Copy it into the project's folder; 'rigctl import' takes it from anywhere",
-        )
+    path = project_path(
+        root, written, hint="Copy the file into the project's folder; 'rigctl import' takes it from anywhere"
+    )
     assume = request.texts("assume")
     words = [
         "import",
