@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 
 from commands import answer, refusal, told
 from rigctl.cli.commands.init import create_project
+from rigctl.design.rivals import _extends
+from rigctl.model import load_model
 
 pytestmark = pytest.mark.usefixtures("inside")
 
@@ -158,8 +160,7 @@ def test_effects_are_not_distinguished_between_models(bench: Path) -> None:
     assert "two of the models have the same name" in refusal("design", run, *_models("linear", "linear"))
 
 
-def test_a_record_is_designed_for_models_over_time() -> None:
-    """For a minute, an outflow in proportion to the level fits a tank that drains through an orifice."""
+def _tank_run(name: str) -> str:
     times = np.arange(0.0, 60.0, 2.0)
     solved = solve_ivp(
         lambda _, y: [(2e-3 / 60.0 - 1.2e-4 * np.sqrt(y[0])) / 0.05],
@@ -168,16 +169,56 @@ def test_a_record_is_designed_for_models_over_time() -> None:
         t_eval=times,
         rtol=1e-9,
     )
-    rows = [
-        f"{t:g},{y:.6f},2"
-        for t, y in zip(
-            times, solved.y[0] + np.random.default_rng(1).normal(0.0, 2e-3, times.size), strict=True
-        )
-    ]
-    Path("tank.csv").write_text("\n".join(["time [s],level [m],inflow [l/min]", *rows, ""]), encoding="utf-8")
-    run = str(answer("import", "tank.csv", "--rig", "rigs/tank.yaml")["run"])
+    noise = np.random.default_rng(1).normal(0.0, 2e-3, times.size)
+    rows = [f"{t:g},{y:.6f},2" for t, y in zip(times, solved.y[0] + noise, strict=True)]
+    text = "\n".join(["time [s],level [m],inflow [l/min]", *rows, ""])
+    Path(f"{name}.csv").write_text(text, encoding="utf-8")
+    return str(answer("import", f"{name}.csv", "--rig", "rigs/tank.yaml")["run"])
+
+
+def test_a_record_is_designed_for_models_over_time() -> None:
+    """For a minute, an outflow in proportion to the level fits a tank that drains through an orifice."""
+    run = _tank_run("tank")
     found = answer("design", run, *_models("orifice", "bed"), "--records", "1")
     assert {one["name"] for one in found["rivals"]} == {"orifice", "bed"}
     assert found["probability"] > found["probability_before"]
     Path("next.yaml").write_text(found["procedure"], encoding="utf-8")
     assert "1 record" in told("check", "next.yaml")
+
+
+LATE = """
+effects:
+  dead_time_of_inflow:
+    time: {value: 1 s, fit: true}
+"""
+
+
+def test_a_record_is_designed_that_would_show_what_one_model_has_in_addition(bench: Path) -> None:
+    """No record shows that the delay is not there: that used to count as not distinguishable here."""
+    plain = (bench / "models" / "orifice.yaml").read_text(encoding="utf-8")
+    (bench / "models" / "late.yaml").write_text(plain + LATE, encoding="utf-8")
+    found = answer("design", _tank_run("steady"), *_models("orifice", "late"), "--records", "1")
+    assert [(one["truth"], one["rival"]) for one in found["outlooks"]] == [("late", "orifice")]
+    assert found["probability"] > 0.9 > found["probability_before"]
+
+
+def test_models_that_differ_in_a_fixed_value_contain_neither_the_other(bench: Path) -> None:
+    text = (bench / "models" / "orifice.yaml").read_text(encoding="utf-8")
+    narrow = bench / "models" / "narrow.yaml"
+    narrow.write_text(text.replace("fit: true", "fit: false") + LATE, encoding="utf-8")
+    (bench / "models" / "late.yaml").write_text(text + LATE, encoding="utf-8")
+    (bench / "models" / "fixed.yaml").write_text(
+        text + LATE.replace("fit: true", "fit: false"), encoding="utf-8"
+    )
+    model = {name: load_model(bench / "models" / f"{name}.yaml") for name in ("orifice", "late", "fixed")}
+    assert _extends(model["late"], model["orifice"])
+    assert not _extends(model["orifice"], model["late"])
+    assert not _extends(model["fixed"], model["orifice"])  # its delay cannot be switched off
+    assert not _extends(load_model(narrow), model["orifice"])  # its drain cannot be moved
+
+
+def test_the_same_model_twice_leaves_nothing_to_distinguish(bench: Path) -> None:
+    text = (bench / "models" / "orifice.yaml").read_text(encoding="utf-8")
+    (bench / "models" / "again.yaml").write_text(text, encoding="utf-8")
+    said = refusal("design", _tank_run("twice"), *_models("orifice", "again"))
+    assert "are the same model" in said

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rigctl.cadence import Cadence
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
@@ -18,7 +19,6 @@ from rigctl.planning import preview
 from rigctl.rig import load_rig
 from rigctl.steps.control.oscillation import OscillationDetector
 from rigctl.steps.control.pid import AntiWindup, Bounds, Gains, Pid
-from rigctl.steps.control.timing import Cadence
 from rigctl.testing import RunLog, VirtualBench
 
 HEATERS = shipped("rigs", "heater-board.yaml")

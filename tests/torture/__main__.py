@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
 import tempfile
 from dataclasses import asdict
@@ -37,6 +38,9 @@ def main() -> None:
     asked.add_argument("--off", type=int, default=5, help="calls of 'rigctl off' of each kind")
     asked.add_argument("--seed", type=int, default=0)
     given = asked.parse_args()
+    # Under `nohup` the runs would rightly ignore the SIGHUP with which some of them are to be ended.
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     kinds = endings.available()
     with tempfile.TemporaryDirectory() as folder:
         runs, files = Path(folder) / "runs", Path(folder) / "files"

@@ -350,13 +350,26 @@ def children(parent: int) -> list[tuple[int, str]]:
 
 
 @pytest.mark.parametrize("path", ["../../secret.yaml", "/etc/secret.yaml", "models/a\0b.yaml"])
-def test_only_files_of_the_project_are_imported_or_have_a_history(leaking: Served, path: str) -> None:
+def test_only_the_project_s_files_are_imported_analysed_or_have_a_history(leaking: Served, path: str) -> None:
     headers, cookie = {"Origin": leaking.base}, leaking.enter()
     brought = {"file": path, "rig": "", "assume": []}
     asked = "/api/workbench/history?" + urlencode({"model": path})
-    for method, route, body in (("POST", "/api/workbench/import", brought), ("GET", asked, None)):
+    work = {"verb": "compare", "runs": ["latest"], "assume": [], "model": path}
+    beside = work | {"model": MODEL, "beside": path}
+    for method, route, body in (
+        ("POST", "/api/workbench/import", brought),
+        ("POST", "/api/workbench/work", work),
+        ("POST", "/api/workbench/work", beside),
+        ("GET", asked, None),
+    ):
         status, _, text = leaking.ask(method, route, body, headers=headers, cookie=cookie)
-        assert (status, json.loads(text)["what"]) == (400, "the project has no such place"), route
+        assert status == 400, route
+        assert "the project has no such place" in text, route
+    status, _, text = leaking.ask(
+        "POST", "/api/workbench/work", work | {"model": MODEL, "runs": [path]}, headers=headers, cookie=cookie
+    )
+    assert status == 400
+    assert "this is not a run's id" in text
 
 
 @pytest.mark.parametrize(

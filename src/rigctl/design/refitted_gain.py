@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.search.refit import plain
 from rigctl.design.rivals import Rival
 from rigctl.design.virtual_records import Outlines, Scene
 from rigctl.engine.least_squares import started
@@ -50,8 +51,7 @@ def refitted_gain(rival: Rival, truth: int, scenes: Sequence[Scene]) -> float:
         refit = fit(problem, local=local, cost=_COST, largest_step=_STEP)
     except RigctlError:
         return float("inf")
-    assert refit.solution is not None  # noqa: S101 - a rival has parameters to fit
-    return max(2.0 * refit.solution.cost - rival.trial.chi2, 0.0)
+    return max(plain(refit).chi2 - rival.trial.chi2, 0.0)
 
 
 def refitted_gains(

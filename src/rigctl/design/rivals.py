@@ -24,6 +24,7 @@ from rigctl.analysis.linear.power import hidden_at_typical_size
 from rigctl.analysis.search.refit import RefittedSet, plain, refit
 from rigctl.design.refusals import NothingLeft
 from rigctl.design.result import NONE, Aim, DesignRival
+from rigctl.effects.declaration import qualified
 from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.fit.fit import FitResult
@@ -109,7 +110,22 @@ class Rival:
 
 
 def _extends(model: Model, other: Model) -> bool:
-    return model.same_bench(other) and {*other.effects} <= {*model.effects}
+    """Whether a model is another one with further effects that a fit can switch off, and nothing else."""
+    further = [name for name in model.effects if name not in other.effects]
+    values, free = model.values, {*model.fitted}
+    return (
+        model.same_bench(other)
+        and {*other.effects} <= {*model.effects}
+        and all(model.effect(name) == other.effect(name) for name in other.effects)
+        and {*other.fitted} <= free
+        and all(values[name] == value for name, value in other.values.items() if name not in free)
+        and all(
+            qualified(name, one.name) in free or values[qualified(name, one.name)] == one.null
+            for name in further
+            for one in model.effect(name).parameters
+            if one.null is not None
+        )
+    )
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from rigctl.design.refitted_gain import TAKEN_UP, refitted_gain
 from rigctl.design.result import SensorSet
 from rigctl.design.rivals import Rival
 from rigctl.design.virtual_records import Scene, predict
-from rigctl.errors import unknown_name
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
@@ -56,7 +56,12 @@ def sensor_sets(
     """
     # All possible sensors are put on the bench at once, and simulated once with each rival; a set of them is
     # then a choice of rows, whitened in its own noise.
-    names = tuple(name for name in rig.could_have if name not in rig.channels)
+    families = [rival.fit.problem.model.family for rival in criterion.question.rivals]
+    names = tuple(
+        name
+        for name, sensor in rig.could_have.items()
+        if name not in rig.channels and _is_read_by_all(families, name, sensor)
+    )
     if not names:
         return ()
     rivals = [_equipped(rival, rig, names) for rival in criterion.question.rivals]
@@ -222,6 +227,25 @@ def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
     replaced = {one.name for one in more}
     unchanged = [output for output in model.family.outputs if output.name not in replaced]
     return replace(model, family=replace(model.family, outputs=(*unchanged, *more)))
+
+
+def _is_read_by_all(families: Sequence[ModelFamily], name: str, sensor: PossibleChannel) -> bool:
+    """Whether every model has what a sensor reads; of several models some may lack it.
+
+    Raises
+    ------
+    RigctlError
+        none has it.
+    """
+    lacking = []
+    for family in families:
+        try:
+            _read(family, name, sensor)
+        except RigctlError as error:
+            lacking.append(error)
+    if len(lacking) == len(families):
+        raise lacking[0]
+    return not lacking
 
 
 def _read(family: ModelFamily, name: str, sensor: PossibleChannel) -> tuple[str, Formula, str]:

@@ -37,7 +37,7 @@ from rigctl.engine.failure import Cause, Failure
 from rigctl.engine.interval_means import GAUSS, Nodes
 from rigctl.engine.kept_derivatives import Kept, Moves
 from rigctl.engine.splines import SplineColumns
-from rigctl.engine.symbols import Expr, evaluate, variables_of
+from rigctl.engine.symbols import Expr, derivative, evaluate, variables_of
 from rigctl.engine.system import Foreign, System, after, before
 from rigctl.engine.trajectories import OfEachRecord, Statistics, Trajectories
 from rigctl.errors import ExitCode, RigctlError
@@ -105,6 +105,8 @@ def simulate_cascade(
 #: the kept derivatives of the last systems, and of how many there are any
 _KEPT: list[dict[tuple[str, tuple[str, ...]], Kept]] = []
 _MOST_KEPT: Final = 2
+#: numbers in the kept derivatives of one system, 128 MiB
+_MOST_NUMBERS: Final = 1 << 24
 
 
 def _only_last(kept: dict[tuple[str, tuple[str, ...]], Kept]) -> None:
@@ -182,12 +184,14 @@ class _Cascade:
         others = _names([*foreign.drives, *commands.rhs])
         late = _names([delay.expr for delay in commands.delays])
         single = len({*commands.input_names} & (others | late)) == 1 and not late & {*commands.state_names}
-        self.late_alone = self.of_delays - others if single else set()
         self.of_program = tuple(foreign.program.parameters)
         self.at_parameters = [self.index[name] for name in self.of_program]
         self.at_responses = [system.state_names.index(name) for name in foreign.responses]
         readings = cascade.readings.system
-        self.of_readings = _names([*readings.rhs, *(one.expr for one in readings.outputs)]) & set(self.index)
+        read = _names([*readings.rhs, *(one.expr for one in readings.outputs)])
+        self.of_readings = read & set(self.index)
+        # and of which no reading has a term of its own, which would move with it
+        self.late_alone = self.of_delays - others if single and not read & {*commands.input_names} else set()
         self.settable = set(foreign.program.settable)
 
     def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
@@ -202,7 +206,13 @@ class _Cascade:
         read = self._read(courses, columns=wanted, initial_columns=states)
         failed = [self._failure(one) for one in courses]
         later = partial(self._derivatives, excitations, courses, read, failed)
-        return self._trajectories(excitations, courses, read, later, failed)
+        simulated = self._trajectories(excitations, courses, read, later, failed)
+        # Steps are chosen on the first records of the first part of a problem: at once, and not when one of
+        # several threads happens to be the first that uses its derivatives.
+        moving = [_SWITCHES] if self.late_alone & {*self.columns.parameters} or self.columns.shifts else []
+        if excitations and not {*self._through(), *moving} <= {*self.cascade.steps}:
+            simulated.sensitivities[0]
+        return simulated
 
     def _derivatives(
         self,
@@ -236,9 +246,18 @@ class _Cascade:
         if not self.columns.splines.columns:
             _only_last(kept)
             for k in new:
-                key = excitations[k].name, self.columns.names
-                kept[key] = Kept(excitations[k], read.outputs[k], slopes[k], through[k])
+                self._keep(Kept(excitations[k], read.outputs[k], slopes[k], through[k]))
         return slopes
+
+    def _keep(self, made: Kept) -> None:
+        """Keep the derivatives of a record in the place of those by other columns, which no fit has any more;
+        none beyond `_MOST_NUMBERS`."""
+        kept = self.cascade.kept
+        for key in list(kept):
+            if key[0] == made.excitation.name:
+                kept.pop(key, None)
+        if sum(one.numbers for one in list(kept.values())) + made.numbers <= _MOST_NUMBERS:
+            kept[made.excitation.name, self.columns.names] = made
 
     def _moves(self, excitation: Excitation) -> Moves:
         columns, places = self.columns, {name: k for k, name in enumerate(self.columns.names)}
@@ -456,11 +475,7 @@ class _Cascade:
         if not good:
             return
         late = [name for name in self.columns.parameters if name in self.late_alone]
-        through = [
-            *(n for n in self.columns.parameters if n in self.of_commands or n in self.of_program),
-            *(n for n in self.columns.initial if n in self.settable),
-        ]
-        through = [name for name in through if name not in late]
+        through = self._through()
         changes = {name: self._change(name, [excitations[k] for k in good]) for name in through}
         pieces = [(name, changes[name], k) for name in through for k in good]
         # Whatever moves switches has the derivatives by their times: what moves some of them alike moves a
@@ -475,7 +490,7 @@ class _Cascade:
             for k, (moves, _) in groups.items()
             for group in range(moves.shape[1])
         ]
-        found = self._each_slope(pieces, moved, good[:_TRIED], courses, read)
+        found = self._each_slope(pieces, moved, courses, read)
         at = [places[name] for name in moving]
         for (name, change, k), slope in zip(pieces, found, strict=True):
             if name == _SWITCHES:
@@ -483,26 +498,30 @@ class _Cascade:
             else:
                 slopes[k][:, :, places[name]] += slope
 
+    def _through(self) -> list[str]:
+        """The columns that act through the program, but for what moves switches."""
+        through = [
+            *(n for n in self.columns.parameters if n in self.of_commands or n in self.of_program),
+            *(n for n in self.columns.initial if n in self.settable),
+        ]
+        return [name for name in through if name not in self.late_alone]
+
     def _each_slope(
         self,
         pieces: Sequence[tuple[str, Change, int]],
         excitations: Sequence[Excitation],
-        some: Sequence[int],
         courses: Sequence[_Courses],
         read: Trajectories,
     ) -> list[Floats]:
-        """(samples, outputs) the derivative of each piece: a column, its change, a record.
-
-        Parameters
-        ----------
-        some: the records on which steps are tried.
-        """
-        # the step of a column is chosen once for each model, on a few records (decision 197)
+        """(samples, outputs) the derivative of each piece: a column, its change, a record."""
+        # the step of a column is chosen once for each model, on the first records in which it moves something
+        # (decision 197)
         steps = self.cascade.steps
         for name in dict.fromkeys(name for name, _, _ in pieces):
             if name not in steps:
-                of_name = [(change, k) for each, change, k in pieces if each == name and k in some]
-                self._try_steps(name, of_name, excitations, courses, read)
+                mine = [(change, k) for each, change, k in pieces if each == name]
+                some = list(dict.fromkeys(k for _, k in mine))[:_TRIED]
+                self._try_steps(name, [one for one in mine if one[1] in some], excitations, courses, read)
         return self._slopes(
             [(change, steps[name], k) for name, change, k in pieces], excitations, courses, read
         )
@@ -513,15 +532,16 @@ class _Cascade:
         system = self.cascade.commands.system
         known: dict[str, Any] = dict(zip(system.parameter_names, excitation.parameters.tolist(), strict=True))
         moved = np.zeros((excitation.switch_times.size, len(late)))
-        inputs, step = excitation.inputs, MOVED * interval_of(excitation)
+        inputs = excitation.inputs
         for delay in system.delays if late else ():
             k = system.input_names.index(delay.input)
+            variables = {one.name: one for one in variables_of(delay.expr)}
+            slopes = [derivative(delay.expr, variables[name]) if name in variables else None for name in late]
             for at in np.flatnonzero(np.diff(inputs[:, k])) + 1:
                 known[before(delay.input)], known[after(delay.input)] = inputs[at - 1, k], inputs[at, k]
-                now = evaluate(delay.expr, known)
-                for column, name in enumerate(late):
-                    later = evaluate(delay.expr, known | {name: known[name] + step})
-                    moved[at, column] = (max(later, 0.0) - max(now, 0.0)) / step
+                # a negative delay is none, and does not move
+                if evaluate(delay.expr, known) >= 0.0:
+                    moved[at] = [0.0 if slope is None else evaluate(slope, known) for slope in slopes]
         shifts = excitation.shifts
         return moved if shifts is None else np.hstack([moved, shifts])
 
@@ -555,8 +575,10 @@ class _Cascade:
         if name in self.of_program:
             at = [courses[k] for _, k in pieces]
             self._require_derivative(name, pieces[0][0], (apart, _SMALLER[number]), tried[0], at)
-        chosen = Step(_SMALLER[number])
-        for share in _SMALLER[1:] if apart < _AGREE else ():
+        # Where these records do not show the column, two steps agree about nothing: others may show it.
+        seen = tried[0].any()
+        chosen = Step(_SMALLER[number] if seen else 1.0)
+        for share in _SMALLER[1:] if seen and apart < _AGREE else ():
             one = found(Step(share, alone=True))
             if relative_difference(one, tried[number + 1]) < _ALONE:
                 chosen = Step(share, alone=True)

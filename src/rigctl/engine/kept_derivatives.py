@@ -41,6 +41,11 @@ class Kept:
     slopes: Floats
     through: Floats
 
+    @property
+    def numbers(self) -> int:
+        """How many numbers it holds."""
+        return self.slopes.size + self.through.size + self.outputs.size
+
     def hold(self, now: Excitation, outputs: Floats, moves: Moves) -> bool:
         """Whether they still hold for the record as it is now, with these outputs."""
         moved = moves.between(self.excitation, now)

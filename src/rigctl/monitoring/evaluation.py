@@ -26,7 +26,7 @@ from rigctl.analysis.comparison import data_notes
 from rigctl.analysis.fitting import Data, fit_problem, read_runs
 from rigctl.analysis.linear.candidates import Candidate
 from rigctl.analysis.linear.linearisation import Linearisation, linearise
-from rigctl.analysis.linear.nuisance_projection import HIDDEN, project
+from rigctl.analysis.linear.nuisance_projection import HIDDEN, least_share, project
 from rigctl.analysis.linear.score_test import screen
 from rigctl.dataset import open_run
 from rigctl.engine.one_thread import one_thread
@@ -87,6 +87,7 @@ class Reading:
     chi2_reduced: squared misfit per degree of freedom.
     records, samples: their numbers.
     notes: remarks on its data, as `rigctl compare` has them.
+    least: what has to be left of a column beside the others, as a share of its length.
     """
 
     values: Floats
@@ -100,6 +101,7 @@ class Reading:
     records: int = 0
     samples: int = 0
     notes: tuple[Note, ...] = ()
+    least: float = HIDDEN
 
 
 @dataclass(frozen=True)
@@ -212,6 +214,7 @@ def _reading_of(plan: Plan, problem: Problem, data: Data) -> Reading:
         records=len(measured.records),
         samples=measured.samples,
         notes=tuple(dict.fromkeys(data_notes(fitted))),
+        least=least_share(fitted),
     )
 
 
@@ -291,6 +294,6 @@ def solved(reading: Reading, wanted: int, freed: Sequence[int]) -> tuple[float, 
         cross = reading.gram[others, wanted] * scale
         curvature -= float(cross @ inverse @ cross)
         pull -= float(cross @ inverse @ (reading.score[others] * scale))
-    if curvature <= (HIDDEN * float(reading.lengths[wanted])) ** 2:
+    if curvature <= (reading.least * float(reading.lengths[wanted])) ** 2:
         return math.nan, math.nan
     return pull / curvature, 1.0 / math.sqrt(curvature)

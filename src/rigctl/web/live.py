@@ -203,7 +203,7 @@ class Live:
 
     def _folder(self, run: str) -> Path:
         from rigctl.dataset import find_run
-        from rigctl.web.runs import plain_id
+        from rigctl.web.project_files import plain_id
 
         self._site.require_project()
         return find_run(plain_id(run), self._site.project.runs)

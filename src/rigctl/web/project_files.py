@@ -1,4 +1,4 @@
-"""Files of the project by the paths that a page names; none that leads out of the project is touched."""
+"""Files and runs of the project by what a page calls them: none that leads out of the project is touched."""
 
 from __future__ import annotations
 
@@ -44,3 +44,16 @@ def project_file(root: Path, name: str) -> Path:
     if not path.is_file():
         raise RigctlError("the project has no such file", value=name)
     return path
+
+
+def plain_id(text: str) -> str:
+    """A run of this project by its id; a path is refused, as it could lead elsewhere.
+
+    Raises
+    ------
+    RigctlError
+        it is none.
+    """
+    if not text or text[0] in ".-" or set(text) & set("/\\:\0"):
+        raise RigctlError("this is not a run's id", value=text)
+    return text

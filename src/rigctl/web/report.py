@@ -14,9 +14,8 @@ from starlette.responses import HTMLResponse, Response
 from rigctl.command_line import command
 from rigctl.errors import RigctlError
 from rigctl.files.regular import read_text
-from rigctl.web.project_files import project_file, project_files
+from rigctl.web.project_files import plain_id, project_file, project_files
 from rigctl.web.request_handling import PageRequest, get, post
-from rigctl.web.runs import plain_id
 from rigctl.web.server_state import PagePart, Site
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import RigctlError
+from rigctl.web.project_files import plain_id
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import PagePart, Site
 
@@ -144,19 +145,6 @@ class Catalogue:
 
         self._site.require_project()
         return find_run(plain_id(request.text("run")), self._runs)
-
-
-def plain_id(text: str) -> str:
-    """A run of this project by its id; a path is refused, as it could lead elsewhere.
-
-    Raises
-    ------
-    RigctlError
-        it is none.
-    """
-    if not text or text[0] in ".-" or set(text) & set("/\\:\0"):
-        raise RigctlError("this is not a run's id", value=text)
-    return text
 
 
 def _record(given: object) -> int | None:

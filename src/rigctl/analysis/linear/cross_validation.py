@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import FOLD_LOSS, FOLD_SEEN, FOLDS_GAIN
 from rigctl.analysis.linear.linearisation import Linearisation
-from rigctl.analysis.linear.nuisance_projection import HIDDEN
+from rigctl.analysis.linear.nuisance_projection import least_share
 
 Floats = NDArray[np.float64]
 #: the sums of squares left on the records of a fold (indices among the fitted ones) without and with an
@@ -151,7 +151,7 @@ def _determined(
         return float(np.linalg.norm(independent @ (lengths[indices] * amplitudes))) > FOLD_SEEN
     full_columns = np.vstack([one.nuisance for one in lin.records])[:, indices]
     shares = np.linalg.norm(independent, axis=0) * lengths[indices]
-    return bool(np.all(shares > HIDDEN * np.linalg.norm(full_columns, axis=0)))
+    return bool(np.all(shares > least_share(lin.fit) * np.linalg.norm(full_columns, axis=0)))
 
 
 def _folds(lin: Linearisation) -> Iterator[tuple[int, ...]]:

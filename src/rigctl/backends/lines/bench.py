@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
@@ -209,9 +208,14 @@ class LineBench(PortBench[LineClient]):
         if self._exchanged:
             client.abandon()
         elif not client.in_step:  # resynchronising takes time, so the commands are sent without waiting first
-            with suppress(PortLost):  # reported by the commands that follow, which wait for answers
+            try:
                 for step in self._setter.safe_commands():
                     client.send(step.text)
+            except GuardActed as acted:
+                self._guard_acted(acted)
+                client.abandon()  # what the guard has sent is still being answered
+            except PortLost:  # reported by the commands that follow, which wait for answers
+                pass
         self._safe_for_closing(client)
 
     def _safe_for_closing(self, client: LineClient) -> None:
@@ -314,6 +318,8 @@ class LineBench(PortBench[LineClient]):
         except GuardActed as acted:
             self._guard_acted(acted)
             self._drop_orders(str(acted))
+            if self._contact is not None:
+                self._contact.abandon()  # what the guard has sent is still being answered
         except Refused as error:
             self._job = self._order = None
             self._end(str(error))
@@ -380,7 +386,7 @@ class LineBench(PortBench[LineClient]):
         self._index += missed + 1
         # Changes are taken before the sample is queued: its commands are those that were in force when it was
         # read.
-        reading = yield from self._poll.asking(client, self._outbox.commanded)
+        reading = yield from self._poll.asking(client, self._outbox.commanded, spacing=1.0 / self._rate)
         self._takes = min(self._takes, reading.takes or math.inf)
         self._take_changes(reading)
         commands = tuple(self._outbox.commanded[name] for name in self._rig.layout.commands)

@@ -334,9 +334,10 @@ class LineClient:
         """Read the newest identity that was asked for, and return None; otherwise what came instead of it."""
         deadline = self._clock.now() + patience
         # What was asked before an outage will not come, and would keep the device waiting for as long as that
-        # lasted: this one always counts.
-        while self._clock.now() - self._identities_due[0] > _LOST_AFTER * self._lines.timeout:
-            self._identities_due.popleft()
+        # lasted: the one just asked for always counts, however long it took to send.
+        due, oldest = self._identities_due, self._clock.now() - _LOST_AFTER * self._lines.timeout
+        while len(due) > 1 and due[0] < oldest:
+            due.popleft()
         wrong, stranger, late = "", False, False
         for _ in range(_MOST):
             line = yield from self._line(deadline)

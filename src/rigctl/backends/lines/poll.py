@@ -15,12 +15,11 @@ from rigctl.backends.lines.line_client import LineClient, LineReply, WrongAnswer
 from rigctl.backends.lines.line_codec import LineCodec
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.outbox import Outbox
+from rigctl.cadence import Cadence
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Query, Rig
 from rigctl.rig.protocols.line_pattern import read_number
 from rigctl.wording import number_of
-
-_SLACK = 1e-6  # s; the times of a grid are sums of rounded numbers
 
 
 @dataclass(frozen=True)
@@ -57,16 +56,20 @@ class Poll:
         self._channels = dict(rig.channels)
         self._numbers: dict[str, float] = {}  # in the answer that was read last, by channel
         self._values: dict[str, float] = {}
-        self._due = [-math.inf] * len(lines.queries)
+        self._cadences = self._begun()
         self._silenced: set[int] = set()  # queries whose fault has been reported
         self._stray = 0
         self.states_read: set[str] = set()  #: actuators whose state was read since the line was opened
+
+    def _begun(self) -> list[Cadence | None]:
+        """The cadence of each query that is slower than the samples, at its beginning."""
+        return [None if query.every is None else Cadence(query.every) for query in self._queries]
 
     def forget(self, client: LineClient) -> None:
         """Restart all queries on a line that has just been opened."""
         self._values.clear()
         self.states_read.clear()
-        self._due = [-math.inf] * len(self._queries)
+        self._cadences = self._begun()
         self._stray = client.stray
         client.established = True
 
@@ -79,16 +82,25 @@ class Poll:
         """
         for index, query in enumerate(self._queries):
             if query.every is not None and actuator in query.places:
-                self._due[index] = -math.inf
+                self._cadences[index] = Cadence(query.every)
                 return (yield from self.asking(client, commanded, only=index))
         return PolledSample(self._clock.now(), 0.0, (), {}, {})
 
     def asking(
-        self, client: LineClient, commanded: Mapping[str, float], *, only: int | None = None
+        self,
+        client: LineClient,
+        commanded: Mapping[str, float],
+        *,
+        only: int | None = None,
+        spacing: float = 0.0,
     ) -> Conversation[PolledSample]:
         """Send the queries that are due, or `only` one of them.
 
         An invalid answer leaves its channels without a value, which interlocks detect.
+
+        Parameters
+        ----------
+        spacing: between two samples, s.
 
         Raises
         ------
@@ -102,14 +114,11 @@ class Poll:
         answers = []
         takes = 0.0
         for index, query in enumerate(self._queries):
-            # Slow queries keep their own grid, and are sent with the sample at which they fall due.
-            if now < self._due[index] - _SLACK or only not in (None, index):
+            # Slow queries keep their own grid, and are sent with the sample that is nearest to it.
+            cadence = self._cadences[index]
+            if only not in (None, index) or not (cadence is None or cadence.is_due(now, spacing)):
                 continue
             answer = yield from self._ask(client, index, query)
-            if query.every is not None:
-                self._due[index] = max(self._due[index] + query.every, now)
-                if self._due[index] == now:  # the first query, or the first one after a long time
-                    self._due[index] = now + query.every
             # Only these decide how often the device can be sampled.
             if query.every is None:
                 takes += answer.received - answer.sent if answer is not None else math.nan

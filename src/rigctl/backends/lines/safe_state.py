@@ -15,7 +15,7 @@ from rigctl.backends.lines.line_client import LineClient, LineReply, WrongAnswer
 from rigctl.backends.lines.setting import SafeCommand, Setter
 from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.guard_port import GuardActed
-from rigctl.backends.transport.port import AnotherDevice, PortLost, Refused
+from rigctl.backends.transport.port import AnotherDevice, NoAnswer, PortLost, Refused
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Query, Rig
 
@@ -108,6 +108,7 @@ class SafeState:
         Errors in the device's queue may have other causes: the command is then sent again.
         """
         errors: list[str] = []
+        interrupted: GuardActed | None = None
         # Twice: the first errors in the queue may be old ones, or the guard may have acted in between.
         for _ in range(2):
             try:
@@ -119,11 +120,14 @@ class SafeState:
             except GuardActed as acted:
                 self._guard_acted(acted)
                 client.abandon()  # what the guard has sent is still being answered
+                interrupted = acted
                 continue
+            interrupted = None
             if not errors:
                 return
-        if errors:
-            raise WrongAnswer(step.text, errors[0])
+        if interrupted is not None:  # the device has confirmed nothing
+            raise NoAnswer(str(interrupted))
+        raise WrongAnswer(step.text, errors[0])
 
     def _reading_back(self, client: LineClient, patience: float, outcome: SafeOutcome) -> Conversation[None]:
         """Read the states of outputs; a state that was read decides, whatever was answered before."""

@@ -16,6 +16,7 @@ not a thread of rigctl: docs/decisions/0012-separate-process-holds-ports-without
 from __future__ import annotations
 
 import json
+import select
 import signal
 import socket
 import sys
@@ -37,6 +38,9 @@ from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
 _LOOK = 0.1  # s between two checks whether rigctl is silent
+_SENT_WITHIN = (
+    1.0  # s for rigctl's side to take what is sent, which a program that stands still does not read
+)
 _PAUSE = 0.05  # s between two safe commands, for devices without a buffer
 _READ = 0.2  # s
 _GIVES_WAY = 2.0  # s for another guard to release the port
@@ -157,24 +161,21 @@ class Guard:
 
     def _serve(self) -> Outputs | None:
         """Serve rigctl until it releases the port or ends, or until the port is lost while it is silent."""
-        self._connection.settimeout(_LOOK)
+        self._connection.settimeout(_SENT_WITHIN)
         # A message of any kind is a sign of life, whatever it carries; the loop of rigctl sends one at least
         # every 0.2 s.
         heard, suspended = time.monotonic(), self._clock.suspended()
         while not self._ended.is_set():
-            data: bytes | None = None
             try:
-                data = self._connection.recv(65536)
-            except TimeoutError:
-                pass
+                arrived = select.select([self._connection], [], [], _LOOK)[0]
+                data = self._connection.recv(65536) if arrived else None
             except OSError:
                 return None
             # The connection has ended with rigctl's process: the system closes it even after SIGKILL.
             if data == b"":
                 return None
             # After a suspension outputs become safe before anything that has arrived since is obeyed: rigctl
-            # may have woken first. A silence without one is noticed at a time-out of `recv`, when nothing has
-            # arrived.
+            # may have woken first. A silence without one is noticed when nothing has arrived for `_LOOK`.
             asleep = self._clock.suspended() - suspended  # this process was silent, too
             silence = time.monotonic() - heard if data is None else 0.0
             if asleep >= self._orders.watchdog:  # before anything that rigctl has sent since
@@ -219,11 +220,11 @@ class Guard:
         # this. The safe commands are repeated, as a device may have missed the first ones.
         first, self._acted = not self._acted, True
         self._next_act = now + self._orders.watchdog
-        if not self._make_safe():
-            return False
+        done = self._make_safe()
+        # Also if a port was lost half-way: the first of the commands may have got through.
         if first:
             self._tell(Frame.ACTED, f"{silence:.3f}".encode("ascii"))
-        return True
+        return done
 
     def _make_safe(self) -> bool:
         for order in self._orders.safe:
@@ -242,7 +243,8 @@ class Guard:
             except PortLost as error:
                 self._tell(Frame.LOST, str(error).encode("utf-8"))
                 return
-            if data:
+            # What answers the guard's commands must not be taken for the answer to a query of rigctl's.
+            if data and not self._acted:
                 self._tell(Frame.DATA, data)
 
     def _tell(self, frame: Frame, content: bytes) -> None:

@@ -153,11 +153,12 @@ class GuardedPort:
             if not select.select([self._connection], [], [], wait)[0]:
                 return
             data = self._connection.recv(65536)
-        except (OSError, ValueError) as error:  # ValueError: closed
+            frames = list(self._reader.feed(data))
+        except (OSError, ValueError) as error:  # ValueError: closed, or no frames
             raise PortLost(f"the guard of {self.name} is gone: {error}") from None
         if not data:
             self._lost = self._lost or f"the guard of {self.name} has ended"
-        for frame, content in self._reader.feed(data):
+        for frame, content in frames:
             if frame is Frame.DATA:
                 self._data += content
             elif frame is Frame.LOST:
@@ -169,8 +170,10 @@ class GuardedPort:
         """Raise `PortLost` if the port is lost, and `GuardActed` once if the guard has made outputs safe."""
         if self._silence is not None:
             silence, self._silence = self._silence, None
-            # Acknowledged before it is raised: whoever handles it may command again at once.
-            self._tell(Frame.RESUME)
+            # Acknowledged before it is raised: whoever handles it may command again at once. A guard that has
+            # ended meanwhile is found at the next use.
+            with suppress(PortLost):
+                self._tell(Frame.RESUME)
             raise GuardActed(silence)
         if self._lost:
             raise PortLost(self._lost)

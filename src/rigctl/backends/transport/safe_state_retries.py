@@ -180,6 +180,10 @@ class SafeStateRetries:
                     port, known = self._open_port(), False
                 if not known:
                     self._require_same(port)
+                elif self._orders.identify is None:
+                    # The guard has sent its commands without waiting: their answers, which may be the echo of
+                    # a state that is read below, must not be taken for those to the same commands now.
+                    self._drop_late(port, self._orders.timeout)
                 # Whatever was known counts for one attempt.
                 known = False
                 self._make_safe(port)

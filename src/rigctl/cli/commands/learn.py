@@ -178,7 +178,7 @@ def learn(
             "effects": effect,
             "device": {name: text for name, text in labels.items() if text},
         }
-        given = {name: value for name, value in bench.items() if value}
+        given = {name: value for name, value in bench.items() if value not in (None, "", [], (), {})}
         task_arguments = (given, time, rounds, hold_out or "", wanted)
         session = _new_session(procedure, model, rig, arg or [], run or [], *task_arguments)
     person = _person(operator)

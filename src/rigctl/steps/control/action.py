@@ -14,6 +14,7 @@ from collections.abc import Generator, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+from rigctl.cadence import Cadence
 from rigctl.errors import RigctlError
 from rigctl.plan.action import Action, SetPoint
 from rigctl.plan.behaviour import Behaviour, Row, StepBench, Until, every_sample
@@ -23,7 +24,7 @@ from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.control.feed_forward import FeedForward
 from rigctl.steps.control.oscillation import OscillationDetector
 from rigctl.steps.control.pid import Bounds, Gains, Pid
-from rigctl.steps.control.timing import Cadence, Timing
+from rigctl.steps.control.timing import Timing
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling
 from rigctl.units import show

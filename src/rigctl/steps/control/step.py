@@ -18,6 +18,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from rigctl.cadence import EARLY
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.context import Context
@@ -33,7 +34,6 @@ from rigctl.steps.control.action import KEPT, Control
 from rigctl.steps.control.feed_forward import FeedForward, read_feed_forward
 from rigctl.steps.control.on_board import ControlOnBoard, whole_period
 from rigctl.steps.control.pid import AntiWindup, Bounds, Gains
-from rigctl.steps.control.timing import EARLY
 from rigctl.units import show
 
 #: default amplitude, as a fraction of the channel's range, from which a sustained oscillation ends the step

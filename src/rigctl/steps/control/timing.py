@@ -1,55 +1,9 @@
-"""When a loop on the host is updated, and the statistics of it, stored with the record."""
+"""Timing statistics of a loop, stored with the record."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-
-#: fraction of the loop's period by which an update may be early, since times on the sampling grid are rounded
-EARLY = 0.01
-_ROUNDING = 1e-9
-
-
-@dataclass
-class Cadence:
-    """Choose the readings at which a loop is updated: those nearest to the multiples of its period.
-
-    Readings of a device that is asked for them come a little early or late, each by itself. A loop that
-    waited for a whole period since its last update would find every reading that follows a late one too
-    early, and leave it out, so that the output would stand still for two periods. Hence due times are those
-    of a grid, and the reading that is next to one of them counts, however late the one before was:
-
-        |t − t_due| < T_s / 2,   t_due ← t_due + T
-
-    After a gap the grid begins anew at the next reading: no updates are made up for.
-
-    Parameters
-    ----------
-    period: the loop's, T, s.
-    shortest: the shortest time between two commands of the actuator, s.
-    """
-
-    period: float
-    shortest: float = 0.0
-    _due: float = -math.inf
-    _last: float = -math.inf
-
-    def is_due(self, time: float, spacing: float) -> bool:
-        """Return whether the reading at `time`, s, is one of those, and remember it.
-
-        One reading comes every `spacing` T_s, s.
-        """
-        # One update may be late by this and the next one early: the actuator's shortest interval holds then,
-        # too, but for the rounding of the times of a grid.
-        near = max(0.5 * min(spacing, self.period - self.shortest), EARLY * self.period)
-        near *= 1.0 + _ROUNDING  # of two readings that are equally near it is the first
-        # Rows of other devices repeat a reading: it counts once.
-        if time < self._due - near or time <= self._last:
-            return False
-        self._last = time
-        self._due = (self._due if time < self._due + near else time) + self.period
-        return True
 
 
 @dataclass

@@ -176,14 +176,17 @@ class _Session:
         from rigctl.dataset import open_run
         from rigctl.model import load_model
         from rigctl.model.measured.assumed import assuming
-        from rigctl.project import find_file
+        from rigctl.project import find_file, find_project
+        from rigctl.web.project_files import plain_id, project_path
 
         named = str(request.get("model", ""))
+        project_path(find_project().root, named)
         path = find_file(Path(named))
         assume = tuple(map(str, request.get("assume") or ()))
         choice = DataOptions(request.get("only") or None, request.get("hold_out") or None, assume)
         self._progress("Reading the records")
-        runs = list({run.id: run for run in map(open_run, map(str, request.get("runs") or ()))}.values())
+        names = [plain_id(str(name)) for name in request.get("runs") or ()]
+        runs = list({run.id: run for run in map(open_run, names)}.values())
         if not runs:
             raise RigctlError("choose a run")
         if assume:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.command_line import DataOptions, command
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.web.project_files import project_path
+from rigctl.web.project_files import plain_id, project_path
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Site
 from rigctl.workbench.commands import Subject
@@ -120,11 +120,18 @@ def history(site: Site, request: PageRequest) -> dict[str, Any]:
     return history_document(versions(head), current_version(head))
 
 
-def subject_of(request: PageRequest) -> Subject:
-    """The subject of the request, as typed on the command line."""
-    runs = request.texts("runs")
+def subject_of(site: Site, request: PageRequest) -> Subject:
+    """The subject of the request, as typed on the command line.
+
+    Raises
+    ------
+    RigctlError
+        no run is chosen, or something is not the project's.
+    """
+    runs = [plain_id(run) for run in request.texts("runs")]
     if not runs:
         raise RigctlError("choose a run")
+    project_path(site.require_project(), request.text("model"))
     choice = DataOptions(
         request.text("only", "") or None, request.text("hold_out", "") or None, tuple(request.texts("assume"))
     )
@@ -135,9 +142,10 @@ def begin(site: Site, request: PageRequest) -> dict[str, Any]:
     """Start the job of a button."""
     from rigctl.web.workbench import work
 
-    site.require_project()
-    verb, subject, effect = request.text("verb"), subject_of(request), request.text("effect", "")
+    verb, subject, effect = request.text("verb"), subject_of(site, request), request.text("effect", "")
     beside = request.text("beside", "") if verb == "compare" else ""
+    if beside:
+        project_path(site.project.root, beside)
     if verb not in _VERBS:
         raise unknown_name("work", verb, _VERBS)
     given = {
