@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain, cycle, repeat
+from pathlib import Path
 
 import pytest
 from hypothesis import example, given, settings
@@ -13,6 +15,7 @@ from rigctl.backends.errors import BackendLost, OutputsNotSafe
 from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.guard import GuardSettings
+from rigctl.backends.transport.guard_port import GuardActed
 from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.backends.transport.safe_state_retries import SafeStateRetries
 from rigctl.clock import VirtualClock
@@ -134,6 +137,71 @@ def test_a_guard_is_not_told_by_late_answers_either(
         assert not SafeStateRetries(ORDERS, clock, lambda: port, lambda: False).carry_out(port)
 
 
+@pytest.mark.parametrize("delay", [0.02, 0.12, 0.3])
+def test_a_guard_does_not_take_late_answers_to_its_own_commands_for_states(
+    delay: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has sent them unasked when rigctl ended; the echo of 'off' looks like the state of a heater."""
+    clock = VirtualClock()
+    sketch = Stuck(clock.now)
+    sketch.take(b"Q1 60\n")
+    sketch.stuck = True
+    port = MemoryPort(sketch, clock)
+    port.delay = delay
+    orders = replace(ORDERS, safe=ORDERS.safe[1:])
+    for order in orders.safe:
+        port.write(order.text)
+        clock.sleep_until(clock.now() + 0.05)
+    attempts = iter(range(4))
+    monkeypatch.setattr("rigctl.backends.transport.safe_state_retries._folder", lambda: tmp_path)
+    monkeypatch.setattr(SafeStateRetries, "_pause", lambda *_: next(attempts, None) is not None)
+    retries = SafeStateRetries(orders, clock, lambda: port, lambda: False)
+    assert not retries.carry_out(port, known=True)
+    assert sketch.heaters[0] == 60.0
+
+
+class Guarded(MemoryPort):
+    """A port whose guard makes outputs safe when it is told to, as if rigctl had stood still."""
+
+    acted = False
+
+    def act(self) -> None:
+        for text in (b"X\n", b"Q1 0.00\n", b"Q2 0.00\n"):
+            super().write(text)
+            self.clock.sleep_until(self.clock.now() + 0.05)
+        self.acted = True
+
+    def read(self, until: float) -> bytes:
+        if self.acted:
+            self.acted = False
+            raise GuardActed(2.3)
+        return super().read(until)
+
+
+@pytest.mark.parametrize("phase", [0.05, 0.2, 0.35, 0.45, 0.49])
+@pytest.mark.parametrize("rig", [TCLAB, NAMELESS], ids=["named", "nameless"])
+def test_answers_to_the_commands_of_a_guard_are_no_readings(rig: Rig, phase: float) -> None:
+    """With all outputs off the run goes on; the guard's commands are still being answered.
+
+    It acts `phase` s after a sample, of which there is one every 0.5 s.
+    """
+    clock = VirtualClock()
+    port = Guarded(Sketch(clock.now), clock)
+    bench = bench_on(port, rig)
+    port.delay = 0.12
+    bench.start(2.0)
+    began = clock.now()
+    bench.next_sample(5.0)
+    clock.sleep_until(began + 3.0 + phase - 0.15)
+    port.act()
+    samples = [bench.next_sample(5.0) for _ in range(6)]
+    for sample in samples:
+        assert sample is not None
+        assert sample.values == pytest.approx([294.15, 294.15], abs=1.0)
+        assert sample.commands == (0.0, 0.0)
+    assert not [notice for notice in bench.take_notices() if notice.kind == "alarm"]
+
+
 class Chatterbox(MemoryPort):
     """A device that never stops sending."""
 
@@ -214,3 +282,29 @@ def test_a_device_that_is_back_after_an_outage_is_believed_soon(outage: float) -
     began = clock.now()
     assert reads_until(began + outage + 60.0)
     assert clock.now() - began < 5.0
+
+
+class Blocked(MemoryPort):
+    """A port that takes long to send an identity query."""
+
+    blocks = False
+
+    def write(self, data: bytes) -> None:
+        if self.blocks and data.startswith(b"VER"):
+            self.clock.sleep_until(self.clock.now() + 4.5 * 0.5)
+        super().write(data)
+
+
+def test_an_identity_query_that_is_long_in_the_sending_is_waited_for() -> None:
+    clock = VirtualClock()
+    port = Blocked(Sketch(clock.now), clock)
+    bench = bench_on(port)
+    bench.start(2.0)
+    bench.next_sample(5.0)
+    port.blocks = True
+    port.sketch.odd["T1"] = b"2x.3\r\n"  # the line is resynchronised by the identity
+    port.sketch.received.clear()
+    sample = bench.next_sample(10.0)
+    assert sample is not None
+    assert sample.values[0] == pytest.approx(294.15, abs=1.0)
+    assert port.sketch.received[:3] == ["T1", "VER", "T1"]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from random import Random
 
 import pytest
 
@@ -39,6 +40,28 @@ class Board:
 
     def messages(self, kind: str) -> list[str]:
         return [notice.message for notice in self.bench.take_notices() if notice.kind == kind]
+
+    def interrupt(self) -> None:
+        """Let the next reading find that the guard has acted."""
+        read, acted = self.port.read, [GuardActed(2.3)]
+
+        def interrupted(until: float) -> bytes:
+            if acted:
+                raise acted.pop()
+            return read(until)
+
+        self.port.read = interrupted  # type: ignore[method-assign]
+
+    def interrupt_sending(self, text: bytes, times: int) -> None:
+        """Let the next sendings of a line find that the guard has acted."""
+        write, acted = self.port.write, [GuardActed(2.3)] * times
+
+        def interrupted(data: bytes) -> None:
+            if acted and data == text:
+                raise acted.pop()
+            write(data)
+
+        self.port.write = interrupted  # type: ignore[method-assign]
 
 
 @pytest.fixture
@@ -113,6 +136,37 @@ def test_slow_queries_are_sent_at_their_own_rate(board: Board) -> None:
     asked = {name: board.sketch.received.count(name) for name in ("T1", "T2", "R1", "R2")}
     assert asked["T1"] == asked["T2"] == 100
     assert asked["R1"] == asked["R2"] == pytest.approx(10, abs=1)
+
+
+class LateClock(VirtualClock):
+    """A clock whose waits end up to 1 ms late, as on any computer."""
+
+    late = Random(1)
+
+    def sleep_until(self, when: float) -> None:
+        if when > self.now():
+            super().sleep_until(when + self.late.uniform(0.0, 1e-3))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_slow_query_is_sent_with_every_second_sample_however_late_each_is(seed: int) -> None:
+    clock = LateClock()
+    clock.late = Random(seed)
+    port = MemoryPort(Sketch(clock.now), clock)
+    assert TCLAB.backend.lines is not None
+    board = Board(LineBench(TCLAB, TCLAB.backend.lines, clock, lambda: port, kind="serial"), port, clock)
+    board.bench.open()
+    board.bench.start(2.0)
+    clock.sleep_until(clock.now() + 1e-6)  # the first sample is late, too
+    board.sketch.received.clear()
+    board.samples(60)
+    numbers, number = [], 0  # of the samples with which the query was sent
+    for text in board.sketch.received:
+        number += text == "T1"
+        if text == "R1":
+            numbers.append(number)
+    assert number == 60
+    assert numbers == list(range(1, 60, 2))
 
 
 def test_the_receipt_of_a_command_is_uncertain_by_half_the_response_time(board: Board) -> None:
@@ -418,14 +472,7 @@ def test_outputs_switched_off_by_the_guard_get_receipts(board: Board) -> None:
     board.bench.start(2.0)
     board.bench.command("heater_1", 0.5).wait()
     board.samples(1)
-    read, acted = board.port.read, [GuardActed(2.3)]
-
-    def interrupted(until: float) -> bytes:
-        if acted:
-            raise acted.pop()
-        return read(until)
-
-    board.port.read = interrupted  # type: ignore[method-assign]
+    board.interrupt()
     with pytest.raises(BackendLost, match=r"rigctl stood still for 2.3 s"):
         for _ in range(10):
             board.bench.next_sample(2.0)
@@ -435,14 +482,7 @@ def test_outputs_switched_off_by_the_guard_get_receipts(board: Board) -> None:
 
 def test_a_guard_action_with_all_outputs_off_is_only_a_note(board: Board) -> None:
     board.bench.start(2.0)
-    read, acted = board.port.read, [GuardActed(2.3)]
-
-    def interrupted(until: float) -> bytes:
-        if acted:
-            raise acted.pop()
-        return read(until)
-
-    board.port.read = interrupted  # type: ignore[method-assign]
+    board.interrupt()
     board.samples(5)
     assert len(board.messages("note")) == 1
 
@@ -457,6 +497,44 @@ def test_safe_commands_are_sent_even_when_answers_are_out_of_step(board: Board) 
         board.bench.safe()
     assert board.sketch.received[:3] == ["X", "Q1 0.00", "Q2 0.00"]
     assert board.sketch.heaters == (0.0, 0.0)
+
+
+def test_an_output_is_unconfirmed_if_the_guard_acts_twice_while_it_is_made_safe(
+    make: Callable[..., Board],
+) -> None:
+    """The guard's own commands were not answered either; a heater that nothing reads may still be on."""
+    text = TCLAB.text
+    for number in (1, 2):
+        query = f'      - {{send: R{number}, reply: "{{heater_{number}}}", every: 1 s}}\n'
+        assert query in text
+        text = text.replace(query, "")
+    board = make(parse_rig(text))
+    board.bench.command("heater_1", 0.6).wait()
+    board.sketch.always |= {"X": b"X\r\n", "Q1 0.00": b"0.00\r\n"}  # acknowledged, and not carried out
+    board.interrupt_sending(b"Q1 0.00\n", 2)
+    with pytest.raises(OutputsNotSafe, match=r"rigctl stood still for 2.3 s") as told:
+        board.bench.safe()
+    assert told.value.outputs["heater_1"] == pytest.approx(0.6)
+    assert board.sketch.heaters == (60.0, 0.0), "the witness"
+
+
+def test_a_guard_that_acts_while_a_line_out_of_step_is_made_safe_is_reported(board: Board) -> None:
+    board.bench.start(2.0)
+    board.bench.command("heater_1", 0.5).wait()
+    board.samples(1)
+    board.port.delay = 0.2
+    while board.sketch.received[-1] != "T1":
+        board.bench.next_sample(0.05)
+    board.port.delay = 0.01
+    board.bench.take_notices()
+    board.interrupt_sending(b"X\n", 1)
+    board.bench.safe()  # a query is in progress, whose answer is not waited for
+    assert board.sketch.heaters == (0.0, 0.0)
+    assert [(end.actuator, end.value, end.uncertainty) for end in board.bench.take_receipts()] == [
+        ("heater_1", 0.0, 2.3)
+    ]
+    (alarm,) = board.messages("alarm")
+    assert alarm.startswith("rigctl stood still for 2.3 s")
 
 
 def test_an_invalid_read_back_does_not_change_the_commanded_values(board: Board) -> None:

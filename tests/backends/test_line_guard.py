@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -19,11 +19,14 @@ from patience import patient, unhurried
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.registry import create_backend
+from rigctl.backends.transport import guard_port
 from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.guard import Guard, GuardSettings
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
-from rigctl.backends.transport.safe_commands import Outputs, SafeOrder
-from rigctl.clock import ScaledClock, real_clock
+from rigctl.backends.transport.guard_port import GuardActed, GuardedPort
+from rigctl.backends.transport.port import PortLost
+from rigctl.backends.transport.safe_commands import Duty, Outputs, SafeOrder
+from rigctl.clock import ScaledClock, VirtualClock, real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
@@ -222,28 +225,147 @@ class Written:
     def close(self) -> None: ...
 
 
-def test_a_guard_that_was_suspended_with_its_computer_makes_outputs_safe_before_all_else() -> None:
-    """Nobody was silent: rigctl goes on as soon as the guard does."""
-    asleep, port = [100.0], Written()
-    orders = GuardSettings(Address("lines", "socket://x", {}), (SafeOrder(b"off", ()),), watchdog=60.0)
+@contextmanager
+def serving(port: Written, *safe: bytes) -> Iterator[tuple[socket.socket, Callable[[], None]]]:
+    """A guard in a thread, its device identified: its connection, and what suspends its computer."""
+    asleep = [100.0]
+    orders = GuardSettings(
+        Address("lines", "socket://x", {}), tuple(SafeOrder(text, ()) for text in safe), watchdog=60.0
+    )
+
+    def suspend() -> None:
+        asleep[0] += 3600.0
+
     ours, theirs = socket.socketpair()
     with ours, theirs:
         guard = Guard(theirs, orders, port, ScaledClock(suspension=lambda: asleep[0]))
-        serving = threading.Thread(target=guard.run)
-        serving.start()
-        send_frame(ours, Frame.IDENTIFIED, b"{}")
-        send_frame(ours, Frame.WRITE, b"on")
-        wait_for(lambda: port.data == [b"on"])
-        asleep[0] += 3600.0
+        thread = threading.Thread(target=guard.run)
+        thread.start()
+        try:
+            send_frame(ours, Frame.IDENTIFIED, b"{}")
+            send_frame(ours, Frame.WRITE, b"on")
+            wait_for(lambda: port.data == [b"on"])
+            yield ours, suspend
+        finally:
+            with suppress(OSError):
+                send_frame(ours, Frame.CLOSE, Outputs.SAFE.value)
+            thread.join()
+
+
+def test_a_guard_that_was_suspended_with_its_computer_makes_outputs_safe_before_all_else() -> None:
+    """Nobody was silent: rigctl goes on as soon as the guard does."""
+    port = Written()
+    with serving(port, b"off") as (ours, suspend):
+        suspend()
         send_frame(ours, Frame.WRITE, b"on")
         assert list(FrameReader().feed(ours.recv(1024))) == [(Frame.ACTED, b"3600.000")]
         send_frame(ours, Frame.WRITE, b"on")  # not yet: rigctl has to know first
         send_frame(ours, Frame.RESUME)
         send_frame(ours, Frame.WRITE, b"asked")
         wait_for(lambda: port.data[-1] == b"asked")
-        send_frame(ours, Frame.CLOSE, Outputs.SAFE.value)
-        serving.join()
     assert port.data == [b"on", b"off", b"asked"]
+
+
+class Echoing(Written):
+    """A device that repeats what is sent to it.
+
+    Attributes
+    ----------
+    heard: how many of its answers the guard has received and dealt with.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.heard = self._read = 0
+
+    def read(self, until: float) -> bytes:
+        self.heard = self._read  # who reads on has dealt with the answer before
+        super().read(until)
+        if self._read == len(self.data):
+            return b""
+        self._read += 1
+        return self.data[self._read - 1] + b" done"
+
+
+def test_a_guard_does_not_pass_on_the_answers_to_its_own_commands() -> None:
+    """They would be taken for answers to the queries that follow."""
+    port, reader = Echoing(), FrameReader()
+    found: list[tuple[Frame, bytes]] = []
+
+    def receive(last: Frame) -> None:
+        while not found or found[-1][0] is not last:
+            found.extend(reader.feed(ours.recv(1024)))
+
+    with serving(port, b"off") as (ours, suspend):
+        receive(Frame.DATA)
+        suspend()
+        send_frame(ours, Frame.ALIVE)
+        receive(Frame.ACTED)
+        wait_for(lambda: port.heard == 2)
+        send_frame(ours, Frame.RESUME)
+        send_frame(ours, Frame.WRITE, b"asked")
+        receive(Frame.DATA)
+    acted = (Frame.ACTED, b"3600.000")
+    assert found == [(Frame.DATA, b"on done"), acted, (Frame.DATA, b"asked done")]
+
+
+class HalfWay(Written):
+    """A port that is lost after the first of the safe commands."""
+
+    def write(self, data: bytes) -> None:
+        if data == b"stop":
+            raise PortLost("the plug is pulled")
+        super().write(data)
+
+
+def test_a_guard_that_loses_its_port_half_way_says_that_it_has_acted() -> None:
+    port = HalfWay()
+    with serving(port, b"off", b"stop") as (ours, suspend):
+        suspend()
+        send_frame(ours, Frame.ALIVE)
+        wait_for(lambda: port.data == [b"on", b"off", b"off"])  # at once, and when it ends
+        ours.settimeout(10.0)  # were there nothing to receive
+        assert list(FrameReader().feed(ours.recv(1024))) == [(Frame.ACTED, b"3600.000")]
+
+
+class Ended:
+    """A guard's process that has ended."""
+
+    def wait(self, timeout: float | None = None) -> int:
+        return 0
+
+
+@contextmanager
+def port_and_guard() -> Iterator[tuple[GuardedPort, socket.socket, socket.socket]]:
+    """rigctl's side of a guard that a test plays: the port, its connection, and the guard's."""
+    orders = GuardSettings(Address("lines", "socket://x", {}), (), watchdog=60.0)
+    ours, theirs = socket.socketpair()
+    with ours, theirs, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(guard_port, "_start", lambda: (ours, Ended()))
+        send_frame(theirs, Frame.OPENED)
+        port = GuardedPort(orders, VirtualClock(), Duty())
+        yield port, ours, theirs
+        port.close()
+
+
+@pytest.mark.parametrize("use", ["read", "write"])
+def test_what_a_guard_has_done_is_known_even_if_it_cannot_be_acknowledged(use: str) -> None:
+    with port_and_guard() as (port, ours, theirs):
+        send_frame(theirs, Frame.ACTED, b"2.300")
+        ours.shutdown(socket.SHUT_WR)
+        port._clock.sleep_until(2.3)  # a sign of life is due
+        with pytest.raises(GuardActed, match=r"stood still for 2\.3 s"):
+            port.read(2.5) if use == "read" else port.write(b"on")
+        with pytest.raises(PortLost, match="is gone"):
+            port.write(b"on")
+
+
+@pytest.mark.parametrize("data", [b"?\x00\x00\x00\x00", b"d\xff\xff\xff\xff"], ids=["letter", "length"])
+def test_bytes_of_a_guard_that_are_no_frames_are_a_loss(data: bytes) -> None:
+    with port_and_guard() as (port, _, theirs):
+        theirs.sendall(data)
+        with pytest.raises(PortLost, match="the guard of socket://x is gone"):
+            port.read(0.1)
 
 
 @needs_posix("a pseudo-terminal")
