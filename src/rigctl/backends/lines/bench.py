@@ -212,8 +212,7 @@ class LineBench(PortBench[LineClient]):
                 for step in self._setter.safe_commands():
                     client.send(step.text)
             except GuardActed as acted:
-                self._guard_acted(acted)
-                client.abandon()  # what the guard has sent is still being answered
+                self._guard_acted(acted)  # still being answered: the line stays out of step
             except PortLost:  # reported by the commands that follow, which wait for answers
                 pass
         self._safe_for_closing(client)
