@@ -237,6 +237,7 @@ def _plain(text: str, *, vary: bool) -> str:
     """The text without parts that depend on the day or the terminal."""
     text = _RUN_ID.sub("RUN", text)
     if vary:
+        text = re.sub(r"(compiled for) (linux|win|darwin)\d+", r"\1 this computer", text)
         text = re.sub(r"\d+(?:[.:]\d+)*", "0", text)
         text = re.sub(r"\b0 (\w+)s\b", r"0 \1", text)  # one spike, or three spikes
         # in which channels it finds more depends on how many records there are

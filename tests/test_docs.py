@@ -14,7 +14,7 @@ import rigctl
 from doc_page import PageRun, blocks, steps
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import annotate
-from systems import needs_compiler
+from systems import needs_compiler, needs_windows_itself
 
 pytestmark = pytest.mark.usefixtures("shared_results")
 
@@ -26,7 +26,14 @@ FOR_CONTRIBUTORS = [ROOT / "CONTRIBUTING.md", ROOT / "rigctl-validation" / "READ
 _ELSEWHERE = "write-an-effect.md"
 #: needs the emulated board
 _ON_LINUX = "first-run-on-hardware.md"
-_COMPILED = ("use-a-model-in-another-simulator.md", "use-an-fmu-as-a-model.md")
+#: what some pages need
+_NEEDS = {
+    "use-a-model-in-another-simulator.md": needs_compiler,
+    "use-an-fmu-as-a-model.md": needs_compiler,
+    "use-a-python-driver.md": needs_windows_itself(
+        "CM_MapCrToWin32Err, for which PyMeasure looks when it is imported,"
+    ),
+}
 CARRIED_OUT = [
     path
     for path in PAGES
@@ -93,7 +100,7 @@ def test_the_dataset_page_names_everything_that_is_in_a_run(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(path, marks=needs_compiler if path.name in _COMPILED else ()) for path in CARRIED_OUT],
+    [pytest.param(path, marks=_NEEDS.get(path.name, ())) for path in CARRIED_OUT],
     ids=named,
 )
 def test_the_commands_of_a_page_print_what_the_page_shows(
