@@ -3,7 +3,7 @@ the same motor in equations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 
 from fmu.motor_bench import EQUATIONS, FAMILY, MODEL, RIG
 from foreign_fmus import motor_fmu
+from rigctl.effects import Effect
+from rigctl.effects.user import parse_effect
+from rigctl.engine import cascade
 from rigctl.engine.compile import CompiledSystem, compile_system
+from rigctl.engine.differences import Step
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
 from rigctl.engine.trajectories import Trajectories
@@ -53,9 +57,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     yield place
 
 
-def compiled(folder: Path, name: str, effects: dict[str, dict[str, float]]) -> CompiledSystem:
+def compiled(folder: Path, name: str, effects: dict[str, dict[str, float]], *own: Effect) -> CompiledSystem:
     model = load_model(folder / f"{name}.yaml")
-    return compile_system(build_system(model.family, effects, model.rig))
+    return compile_system(build_system(model.family, effects, model.rig, own_effects=own))
 
 
 def record(system: CompiledSystem, *, shifts: Floats | None = SHIFTS, **changed: float) -> Excitation:
@@ -73,11 +77,19 @@ def record(system: CompiledSystem, *, shifts: Floats | None = SHIFTS, **changed:
     )
 
 
-def simulated(system: CompiledSystem, excitation: Excitation, *parameters: str) -> Trajectories:
+def at_rest(one: Excitation, name: str) -> Excitation:
+    """A record of the same samples in which nothing is switched."""
+    shifts = None if one.shifts is None else one.shifts[:1]
+    return replace(one, switch_times=SWITCHES[:1], inputs=VOLTAGES[:1, None], shifts=shifts, name=name)
+
+
+def simulated(
+    system: CompiledSystem, excitation: Excitation, *parameters: str, before: Sequence[Excitation] = ()
+) -> Trajectories:
     moving = () if excitation.shifts is None else MOVED[: excitation.shifts.shape[1]]
     return simulate(
         system,
-        [excitation],
+        [*before, excitation],
         columns=parameters,
         initial_columns=list(INITIAL),
         shift_columns=moving,
@@ -89,10 +101,10 @@ def apart(one: Floats, other: Floats) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
-def in_order(found: Trajectories) -> Floats:
+def in_order(found: Trajectories, record: int = -1) -> Floats:
     """(samples, outputs, columns) with the outputs by their names."""
     order = [found.output_names.index(name) for name in ("current", "speed")]
-    return np.asarray(found.sensitivities[0][:, order])
+    return np.asarray(found.sensitivities[record][:, order])
 
 
 @pytest.mark.parametrize(
@@ -119,6 +131,70 @@ def test_a_delay_and_a_short_lag_of_a_command_are_what_its_switches_do_together(
     dead, lag, *_, every = (found[:, :, k] for k in range(found.shape[2]))
     np.testing.assert_allclose(dead, every, rtol=1e-12, atol=1e-12 * np.abs(every).max())
     assert apart(lag, every) < 0.02
+
+
+@pytest.mark.parametrize("shifts", [SHIFTS, None], ids=["switches that move", "switches that are known"])
+def test_steps_are_chosen_on_records_that_show_a_column(folder: Path, shifts: Floats | None) -> None:
+    """The first two records are at rest, where neither a switch nor a parameter has a derivative."""
+    through, exact = (compiled(folder, name, {}) for name in ("model", "written"))
+    found, right = (
+        in_order(simulated(one, last, *PARAMETERS, before=[at_rest(last, name) for name in ("a", "b")]))
+        for one in (through, exact)
+        for last in [record(one, shifts=shifts)]
+    )
+    assert through.cascade is not None
+    assert {through.cascade.steps[name] for name in PARAMETERS} == {Step(1.0)}
+    for column in range(right.shape[2]):
+        for output in range(2):
+            assert apart(found[:, output, column], right[:, output, column]) < 0.01
+
+
+#: a direct share of the voltage in a reading, as crosstalk of its cable
+CROSSTALK = """
+effect: crosstalk
+summary: The reading of the speed has a share of the voltage.
+slot: speed_reading
+term: share*voltage
+parameters: {share: {null_value: 0 rad/(V*s), start: 2 rad/(V*s), bounds: [-9 rad/(V*s), 9 rad/(V*s)]}}
+"""
+
+
+@pytest.mark.parametrize("late", [0.0, 4e-3])
+def test_a_dead_time_delays_what_a_reading_has_of_the_command(folder: Path, late: float) -> None:
+    """By 4 ms, one command acts after the sample that it precedes, another shortly after one."""
+    effects = {"crosstalk": {"share": 2.0}, "dead_time_of_voltage": {"time": late}}
+    found, right = (
+        simulated(system, record(system, shifts=None), "dead_time_of_voltage.time", "crosstalk.share")
+        for name, family in (("model", "family"), ("written", "equations"))
+        for own in [parse_effect(CROSSTALK + f"family: {family}.yaml\n", folder / "crosstalk.yaml")]
+        for system in [compiled(folder, name, effects, own)]
+    )
+    speeds = [one.outputs[0][:, one.output_names.index("speed")] for one in (found, right)]
+    np.testing.assert_allclose(*speeds, atol=1e-3)
+    for column, outputs in ((0, (0, 1)), (1, (1,))):
+        for output in outputs:
+            slopes = [in_order(one)[:, output, column] for one in (found, right)]
+            assert apart(*slopes) < 0.01
+
+
+def test_a_dead_time_is_moved_within_the_samples_between_which_commands_act(folder: Path) -> None:
+    """The commands lie at a sample and far before one, and act shortly before and shortly after one."""
+    column = "dead_time_of_voltage.time"
+    found, right = (
+        in_order(simulated(system, late, column))[:, :, 0]
+        for name in ("model", "written")
+        for system in [compiled(folder, name, {"dead_time_of_voltage": {"time": 0.0995}})]
+        for late in [
+            replace(
+                record(system, shifts=None),
+                times=0.1 * np.arange(11),
+                switch_times=np.array([0.0, 0.3, 0.62]),
+                inputs=VOLTAGES[:3, None],
+            )
+        ]
+    )
+    for output in range(2):
+        assert apart(found[:, output], right[:, output]) < 0.02
 
 
 @pytest.fixture
@@ -156,6 +232,24 @@ def test_a_record_that_hardly_moves_keeps_its_derivatives(folder: Path, jobs: li
     right = in_order(simulated(exact, record(exact, **near), *PARAMETERS))
     for column in range(right.shape[2]):
         assert apart(found[:, :, column], right[:, :, column]) < 0.03
+
+
+def test_kept_derivatives_are_one_set_of_columns_of_each_record_and_not_too_large(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    through = compiled(folder, "model", {})
+    assert through.cascade is not None
+    kept, one = through.cascade.kept, record(through, shifts=None)
+    for names in (PARAMETERS, PARAMETERS[:1], PARAMETERS):
+        in_order(simulated(through, one, *names))
+        assert [(record, columns) for record, columns in kept] == [("one", (*names, *INITIAL))]
+    # 61 samples, 2 outputs: two times 5 columns, and the outputs
+    numbers = 61 * 2 * (2 * 5 + 1)
+    monkeypatch.setattr(cascade, "_MOST_NUMBERS", 2 * numbers)
+    others = [replace(one, name=name) for name in ("a", "b", "c", "d")]
+    in_order(simulated(through, one, *PARAMETERS, before=others))
+    assert len(kept) == 2
+    assert sum(each.numbers for each in kept.values()) == 2 * numbers
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,18 +88,18 @@ def test_they_are_fitted_as_with_symbols(tmp_path: Path) -> None:
         assert found.fit.std[name] == pytest.approx(std, rel=0.05)
 
 
-def switched(folder: Path) -> rigctl.Run:
+def switched(folder: Path, voltages: Sequence[float] = VOLTAGES, samples: int = 60) -> rigctl.Run:
     """The same motor, whose command is switched at samples, as a log has it: each switch was up to one
     interval earlier."""
     rng = np.random.default_rng(5)
     rows = ["time [s],record,voltage [V],speed [rad/s]"]
-    for record, volts in enumerate(VOLTAGES, start=1):
-        command = [volts * (1 if (k // 12) % 2 == 0 else -0.5) for k in range(60)]
+    for record, volts in enumerate(voltages, start=1):
+        command = [volts * (1 if (k // 12) % 2 == 0 else -0.5) for k in range(samples)]
         speed = 0.0
         for k, level in enumerate(command):
             rows.append(f"{k * 0.01:.2f},{record},{level},{speed + 0.3 * rng.standard_normal():.6f}")
-            late = 0.004 if k + 1 < 60 and command[k + 1] != level else 0.0  # the next level acts before
-            for held, seconds in ((level, 0.01 - late), (command[min(k + 1, 59)], late)):
+            late = 0.004 if k + 1 < samples and command[k + 1] != level else 0.0  # the next level acts before
+            for held, seconds in ((level, 0.01 - late), (command[min(k + 1, samples - 1)], late)):
                 speed = 20.0 * held + (speed - 20.0 * held) * math.exp(-seconds / 0.1)
     (folder / "rig.yaml").write_text(RIG, encoding="utf-8")
     (folder / "log.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
@@ -118,6 +118,14 @@ def test_switches_at_samples_are_fitted_as_with_symbols(tmp_path: Path) -> None:
     for name in ("gain", "lag"):
         std = expected.fit.std[name]
         assert found.fit.model.values[name] == pytest.approx(expected.fit.model.values[name], abs=0.1 * std)
+
+
+def test_the_first_records_may_be_at_rest(tmp_path: Path) -> None:
+    """Steps are chosen on the first records in which something is switched."""
+    found = rigctl.compare([switched(tmp_path, (0.0, 0.0, 9.0), 20)], [made(by_a_table, tmp_path)]).models[0]
+    for name, value in (("gain", 20.0), ("lag", 0.1)):
+        assert found.fit.model.values[name] == pytest.approx(value, abs=4.0 * found.fit.std[name])
+        assert found.fit.std[name] < 0.02 * value
 
 
 def test_an_effect_at_an_edge_is_found_and_the_answer_says_what_was_searched(tmp_path: Path) -> None:

@@ -145,11 +145,17 @@ class _Later(OfEachRecord):
 
 @dataclass(frozen=True)
 class _Courses:
-    """What the program computed in one record, on its grid; `reason` if it failed."""
+    """What the program computed in one record, on its grid; `reason` if it failed.
+
+    Attributes
+    ----------
+    drives, commands: of each interval, what the program is given, and the inputs that act by then.
+    """
 
     excitation: Excitation
     grid: Floats
     drives: Floats
+    commands: Floats
     values: Floats
     reason: str
 
@@ -180,18 +186,18 @@ class _Cascade:
         behind = [*foreign.drives, *commands.rhs, *(delay.expr for delay in commands.delays)]
         self.of_commands = _names(behind) & set(self.index)
         self.of_delays = _names([delay.expr for delay in commands.delays]) & set(self.index)
-        # parameters of a delay that move the only input whole; of several, others may switch at its times
-        others = _names([*foreign.drives, *commands.rhs])
-        late = _names([delay.expr for delay in commands.delays])
-        single = len({*commands.input_names} & (others | late)) == 1 and not late & {*commands.state_names}
-        self.of_program = tuple(foreign.program.parameters)
-        self.at_parameters = [self.index[name] for name in self.of_program]
-        self.at_responses = [system.state_names.index(name) for name in foreign.responses]
         readings = cascade.readings.system
         read = _names([*readings.rhs, *(one.expr for one in readings.outputs)])
         self.of_readings = read & set(self.index)
-        # and of which no reading has a term of its own, which would move with it
-        self.late_alone = self.of_delays - others if single and not read & {*commands.input_names} else set()
+        # parameters of a delay that move the only input whole; of several, others may switch at its times
+        others = _names([*foreign.drives, *commands.rhs])
+        late = _names([delay.expr for delay in commands.delays])
+        used = {*commands.input_names} & (others | late | read)
+        single = len(used) == 1 and not late & {*commands.state_names}
+        self.late_alone = self.of_delays - others if single else set()
+        self.of_program = tuple(foreign.program.parameters)
+        self.at_parameters = [self.index[name] for name in self.of_program]
+        self.at_responses = [system.state_names.index(name) for name in foreign.responses]
         self.settable = set(foreign.program.settable)
 
     def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
@@ -335,21 +341,25 @@ class _Cascade:
         # takes grid and drives of the record: only the program is run again
         known = list(same) or [None] * len(excitations)
         new = [one for one, like in zip(excitations, known, strict=True) if like is None]
-        grids = [self._grid(one, times) for one, times in zip(new, self._acting(new), strict=True)]
-        fresh = iter(zip(grids, self._drives(new, grids), strict=True))
-        given = [next(fresh) if like is None else (like.grid, like.drives) for like in known]
+        late = self._late(new)
+        grids = [self._grid(one, _acting(one, each)) for one, each in zip(new, late, strict=True)]
+        commands = [self._held(*one) for one in zip(new, grids, late, strict=True)]
+        fresh = iter(zip(grids, self._drives(new, grids), commands, strict=True))
+        given = [next(fresh) if like is None else (like.grid, like.drives, like.commands) for like in known]
         if nudges:
             given = [
-                (grid, drives if nudge is None else drives + nudge)
-                for (grid, drives), nudge in zip(given, nudges, strict=True)
+                (grid, drives if nudge is None else drives + nudge, held)
+                for (grid, drives, held), nudge in zip(given, nudges, strict=True)
             ]
         jobs = [
             Job(one.name, grid, drives, one.parameters[self.at_parameters], one.initial[self.at_responses])
-            for one, (grid, drives) in zip(excitations, given, strict=True)
+            for one, (grid, drives, _) in zip(excitations, given, strict=True)
         ]
         return [
-            _Courses(one, job.points, job.drives, result.values, result.reason)
-            for one, job, result in zip(excitations, jobs, self.pool.run(jobs), strict=True)
+            _Courses(one, job.points, job.drives, held, result.values, result.reason)
+            for one, (_, _, held), job, result in zip(
+                excitations, given, jobs, self.pool.run(jobs), strict=True
+            )
         ]
 
     def _drives(self, excitations: Sequence[Excitation], grids: Sequence[Floats]) -> list[Floats]:
@@ -384,9 +394,13 @@ class _Cascade:
 
     def _acting(self, excitations: Sequence[Excitation]) -> list[Floats]:
         """The times at which commands act in each record: those of the switches, and with their delays."""
+        return [_acting(one, each) for one, each in zip(excitations, self._late(excitations), strict=True)]
+
+    def _late(self, excitations: Sequence[Excitation]) -> list[Floats]:
+        """(switches, delays) when a delayed input acts; NaN where it is not switched."""
         system = self.cascade.commands.system
         if not system.delays:
-            return [one.switch_times for one in excitations]
+            return [np.empty((one.switch_times.size, 0)) for one in excitations]
         moving = bool(_names([delay.expr for delay in system.delays]) & set(system.state_names))
         states: Sequence[Floats] = [
             np.tile(self._initial(one, system), (one.switch_times.size, 1)) for one in excitations
@@ -394,27 +408,47 @@ class _Cascade:
         if moving:
             at = [self._command(one, one.switch_times) for one in excitations]
             states = self.engine(self.cascade.commands, at).require().states
-        return [
-            np.concatenate([one.switch_times, *self._delayed(one, each)])
-            for one, each in zip(excitations, states, strict=True)
-        ]
+        return [self._delayed(one, each) for one, each in zip(excitations, states, strict=True)]
 
-    def _delayed(self, excitation: Excitation, states: Floats) -> list[Floats]:
+    def _of_switches(self, excitation: Excitation) -> Floats:
+        """(switches, 1 + delays) when what each switches acts: inputs without a delay, and each with one."""
+        system = self.cascade.commands.system
+        (late,) = self._late([excitation])
+        delayed = [system.input_names.index(delay.input) for delay in system.delays]
+        changed = np.diff(np.delete(excitation.inputs, delayed, axis=1), axis=0).any(axis=1)
+        at_once = np.where(np.concatenate([[True], changed]), excitation.switch_times, np.nan)
+        return np.column_stack([at_once, late])
+
+    def _delayed(self, excitation: Excitation, states: Floats) -> Floats:
         system = self.cascade.commands.system
         inputs = excitation.inputs
         known: dict[str, Any] = dict(zip(system.parameter_names, excitation.parameters.tolist(), strict=True))
-        result = []
-        for delay in system.delays:
+        late = np.full((excitation.switch_times.size, len(system.delays)), np.nan)
+        for column, delay in enumerate(system.delays):
             k = system.input_names.index(delay.input)
-            times = []
-            for at in range(1, excitation.switch_times.size):
-                if inputs[at, k] == inputs[at - 1, k]:
-                    continue
+            for at in np.flatnonzero(np.diff(inputs[:, k])) + 1:
                 known |= dict(zip(system.state_names, states[at].tolist(), strict=True))
                 known[before(delay.input)], known[after(delay.input)] = inputs[at - 1, k], inputs[at, k]
-                times.append(excitation.switch_times[at] + max(evaluate(delay.expr, known), 0.0))
-            result.append(np.array(times))
-        return result
+                late[at, column] = excitation.switch_times[at] + max(evaluate(delay.expr, known), 0.0)
+        return late
+
+    def _held(self, excitation: Excitation, grid: Floats, late: Floats) -> Floats:
+        """(intervals, inputs) the commands that act in each interval of the grid."""
+        begins = grid[:-1] + _SAME * (grid[-1] - grid[0])
+        at = np.searchsorted(excitation.switch_times, begins, side="right") - 1
+        held: Floats = excitation.inputs[np.clip(at, 0, None)]
+        system = self.cascade.commands.system
+        for delay, times in zip(system.delays, late.T, strict=True):
+            acting = [0]
+            for switch in np.flatnonzero(np.isfinite(times)):
+                # one that acts earlier than those before it takes their place
+                while len(acting) > 1 and times[acting[-1]] >= times[switch]:
+                    acting.pop()
+                acting.append(int(switch))
+            k = system.input_names.index(delay.input)
+            place = np.searchsorted(times[acting[1:]], begins, side="right")
+            held[:, k] = excitation.inputs[np.array(acting)[place], k]
+        return held
 
     def _grid(self, excitation: Excitation, acting: Floats) -> Floats:
         """The points of a record at which the program is given its drives."""
@@ -445,7 +479,6 @@ class _Cascade:
         # is a line between the points. Differences of z are then differences of readings
         values = np.nan_to_num(courses.values)
         rates = np.diff(values, axis=0) / np.diff(courses.grid)[:, None]
-        held = np.clip(np.searchsorted(one.switch_times, courses.grid[:-1], side="right") - 1, 0, None)
         initial = self._initial(one, system)
         for k, name in enumerate(self.foreign.responses):
             initial[system.state_names.index(name)] = values[0, k]
@@ -453,7 +486,7 @@ class _Cascade:
         return Excitation(
             one.times,
             courses.grid[:-1],
-            np.hstack([one.inputs[held], rates]),
+            np.hstack([courses.commands, rates]),
             initial,
             one.parameters,
             one.name,
@@ -485,8 +518,9 @@ class _Cascade:
         moved = [
             replace(one, shifts=groups[k][0]) if k in groups else one for k, one in enumerate(excitations)
         ]
+        acting = {k: self._of_switches(excitations[k]) for k in groups}
         pieces += [
-            (_SWITCHES, Change("shift", group), k)
+            (_SWITCHES, Change("shift", group, acting=acting[k]), k)
             for k, (moves, _) in groups.items()
             for group in range(moves.shape[1])
         ]
@@ -788,6 +822,11 @@ class _Cascade:
             if step:
                 slope = (outputs[2 * number] - outputs[2 * number + 1]) / (2.0 * step)
                 slopes[k][:, :, first + number % len(splines.columns)] += slope
+
+
+def _acting(excitation: Excitation, late: Floats) -> Floats:
+    """All times at which commands of a record act, of which `late` are those with delays."""
+    return np.concatenate([excitation.switch_times, late[np.isfinite(late)]])
 
 
 def _or_nan(run: _Courses, values: Floats) -> Floats:

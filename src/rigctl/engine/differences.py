@@ -7,7 +7,7 @@ Which are used is decided in `rigctl.engine.cascade`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -42,12 +42,14 @@ class Change:
     ----------
     size: the usual step, SI; of switches it follows from the record (`_within`).
     keeps_drives: whether the program is given the same.
+    acting: (switches, k) of switches, the times at which what each switches acts; NaN for none.
     """
 
     kind: str
     index: int
     size: float = 1.0
     keeps_drives: bool = False
+    acting: Floats | None = field(default=None, compare=False, repr=False)
 
     def steps(self, excitation: Excitation, share: float) -> tuple[float, float]:
         """Two steps from the point: to either side, or both to one for a value of 0 and for switches."""
@@ -65,7 +67,7 @@ class Change:
     def _within(self, excitation: Excitation) -> float:
         """A step by which switches move, to the side on which the next sample is farther, and not up to it.
 
-        Where a switch passes a sample the cost has a corner. One at a sample, as a log has it, moves later:
+        Where a command acts at a sample the cost has a corner. One at a sample, as a log has it, moves later:
         the exact derivatives of equations are those on that side, where the sample is before it.
         """
         assert excitation.shifts is not None  # noqa: S101 - it has the columns
@@ -73,7 +75,9 @@ class Change:
         most = float(np.abs(shifts).max(initial=0.0))
         if not most:
             return MOVED * interval
-        times, at = excitation.times, excitation.switch_times[shifts != 0.0]
+        acting = excitation.switch_times if self.acting is None else self.acting
+        times, at = excitation.times, acting[shifts != 0.0]
+        at = at[np.isfinite(at)]
         following = np.searchsorted(times, at + _AT_SAMPLE * interval, side="right")
         inside = (following > 0) & (following < times.size)
         after = float((times[following[inside]] - at[inside]).min(initial=interval))
