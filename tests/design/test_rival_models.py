@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from commands import answer, refusal, told
 from rigctl.cli.commands.init import create_project
+from rigctl.design import rival_models
 from rigctl.design.rivals import _extends
 from rigctl.model import load_model
 
@@ -160,7 +161,7 @@ def test_effects_are_not_distinguished_between_models(bench: Path) -> None:
     assert "two of the models have the same name" in refusal("design", run, *_models("linear", "linear"))
 
 
-def _tank_run(name: str) -> str:
+def _tank_run(name: str, rig: str = "tank") -> str:
     times = np.arange(0.0, 60.0, 2.0)
     solved = solve_ivp(
         lambda _, y: [(2e-3 / 60.0 - 1.2e-4 * np.sqrt(y[0])) / 0.05],
@@ -173,7 +174,7 @@ def _tank_run(name: str) -> str:
     rows = [f"{t:g},{y:.6f},2" for t, y in zip(times, solved.y[0] + noise, strict=True)]
     text = "\n".join(["time [s],level [m],inflow [l/min]", *rows, ""])
     Path(f"{name}.csv").write_text(text, encoding="utf-8")
-    return str(answer("import", f"{name}.csv", "--rig", "rigs/tank.yaml")["run"])
+    return str(answer("import", f"{name}.csv", "--rig", f"rigs/{rig}.yaml")["run"])
 
 
 def test_a_record_is_designed_for_models_over_time() -> None:
@@ -222,3 +223,47 @@ def test_the_same_model_twice_leaves_nothing_to_distinguish(bench: Path) -> None
     (bench / "models" / "again.yaml").write_text(text, encoding="utf-8")
     said = refusal("design", _tank_run("twice"), *_models("orifice", "again"))
     assert "are the same model" in said
+
+
+def test_a_sensor_that_one_of_the_models_cannot_predict_is_left_out(bench: Path) -> None:
+    """Of a bed nobody knows where it drains."""
+    meters = """
+could_have:
+  outflow: {unit: l/min, quantity: flow, noise: 0.05 l/min}
+  float: {unit: m, quantity: position, reads: level, noise: 1 mm}
+"""
+    (bench / "rigs" / "metered.yaml").write_text(TANK_RIG + meters, encoding="utf-8")
+    out, unit = OUTFLOWS["orifice"]
+    family = TANK.replace("NAME", "metered").replace("OUT", "outflow").replace("UNIT", unit)
+    family += f'definitions:\n  outflow: {{unit: m^3/s, formula: "{out}", meaning: of the tank}}\n'
+    _write(bench, "metered", family, f"  drain: {{value: 0.0001 {unit}, fit: true}}\n")
+    for name in ("metered", "bed"):
+        model = bench / "models" / f"{name}.yaml"
+        text = model.read_text(encoding="utf-8").replace("tank.yaml", "metered.yaml")
+        (bench / "models" / f"{name}-equipped.yaml").write_text(text, encoding="utf-8")
+    run = _tank_run("equipped", "metered")
+    found = answer("design", run, *_models("metered-equipped", "bed-equipped"), "--records", "1", "--sensors")
+    assert len(found["records"]) == 1
+    assert [one["channels"] for one in found["sensors"]] == [["float"]]
+
+
+def test_a_model_without_anything_to_fit_is_a_rival(bench: Path) -> None:
+    text = (bench / "models" / "bed.yaml").read_text(encoding="utf-8")
+    known = text.replace("0.0001 m^2/s, fit: true", "0.000175 m^2/s")
+    (bench / "models" / "known.yaml").write_text(known, encoding="utf-8")
+    assert known != text
+    found = answer("design", _tank_run("known"), *_models("orifice", "known"), "--records", "1")
+    assert {one["name"] for one in found["rivals"]} == {"orifice", "known"}
+    assert len(found["records"]) == 1
+
+
+def test_models_of_other_inputs_are_refused_before_any_is_fitted(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    family = TANK.replace("NAME", "closed").replace("(inflow - OUT)", "(0 m^3/s - drain)")
+    family = family.replace("UNIT", "m^3/s").replace("inputs:\n  inflow: {value: 0 l/min}\n", "")
+    _write(bench, "closed", family, "  drain: {value: 0.0001 m^3/s, fit: true}\n")
+    run = _tank_run("closed")
+    monkeypatch.setattr(rival_models, "fit_to_data", None)
+    said = refusal("design", run, *_models("orifice", "closed"))
+    assert "orifice and closed are not of one bench: their inputs differ" in said

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import own_process
-from commands import answer
+from commands import answer, refusal
 from patience import patient
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
@@ -51,6 +51,14 @@ def ended(process: subprocess.Popen[str]) -> dict[str, Any]:
 def only_run(folder: Path) -> Path:
     (found,) = (folder / "runs").glob("*/run.json")
     return found.parent
+
+
+@pytest.mark.parametrize("seed", ["0", "1"])
+def test_a_seed_is_refused_where_it_would_have_no_effect(bench: Path, seed: str) -> None:
+    with chdir(bench):
+        model = ("--model", "models/tclab-board.yaml")
+        said = refusal("learn", "procedures/tclab-step.yaml", *model, "--seed", seed)
+    assert f"the serial backend takes no --seed, got '{seed}'" in said
 
 
 @needs_signals
