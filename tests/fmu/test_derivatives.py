@@ -21,12 +21,14 @@ from rigctl.engine.compile import CompiledSystem, compile_system
 from rigctl.engine.differences import Step
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
+from rigctl.engine.system import Delay, after
 from rigctl.engine.trajectories import Trajectories
 from rigctl.fmu.archive import digest
 from rigctl.fmu.program import allow
 from rigctl.foreign.pool import Pool, pool_of
 from rigctl.model import load_model
 from rigctl.model.build import build_system
+from rigctl.units import parse_unit
 from systems import needs_compiler
 
 pytestmark = needs_compiler
@@ -175,6 +177,28 @@ def test_a_dead_time_delays_what_a_reading_has_of_the_command(folder: Path, late
         for output in outputs:
             slopes = [in_order(one)[:, output, column] for one in (found, right)]
             assert apart(*slopes) < 0.01
+
+
+def test_a_command_that_acts_earlier_than_those_before_it_takes_their_place(folder: Path) -> None:
+    """A voltage takes 2 ms for each volt below 12 V: negative ones never act, and no reading sees them."""
+    speeds = []
+    for name, family in (("model", "family"), ("written", "equations")):
+        own = parse_effect(CROSSTALK + f"family: {family}.yaml\n", folder / "crosstalk.yaml")
+        system = compiled(folder, name, {"crosstalk": {"share": 2.0}}, own).system
+        graph = system.graph
+        to = graph.variable(after("voltage"), parse_unit("V").dimension)
+        highest, slope = (
+            graph.constant(n, parse_unit(unit).dimension) for n, unit in ((12.0, "V"), (2e-3, "s/V"))
+        )
+        later = compile_system(replace(system, delays=(Delay("voltage", slope * (highest - to)),)))
+        close = replace(
+            record(later, shifts=None),
+            switch_times=np.array([0.0, 0.1234, 0.2561, 0.3017, 0.3057, 0.3117]),
+            inputs=np.array([0.0, 9.0, 6.0, -6.0, -8.0, 9.0])[:, None],
+        )
+        found = simulated(later, close)
+        speeds.append(found.outputs[0][:, found.output_names.index("speed")])
+    np.testing.assert_allclose(*speeds, atol=1e-3)
 
 
 def test_a_dead_time_is_moved_within_the_samples_between_which_commands_act(folder: Path) -> None:
