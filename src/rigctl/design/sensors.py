@@ -159,12 +159,16 @@ def _probabilities(criterion: Discrimination, evidence: Evidence) -> dict[tuple[
 
 
 def _pairs(probabilities: dict[tuple[int, int], float]) -> dict[tuple[int, int], bool]:
-    """Each pair once: whether it is distinguished, whichever of the two is right."""
-    return {
+    """Each pair once: whether it is distinguished, whichever of the two is right.
+
+    Where one of two models has something in addition, only that this is there can be shown.
+    """
+    both = {
         (one, other): min(probabilities[one, other], probabilities[other, one]) >= _DISTINGUISHED
         for one, other in probabilities
         if one < other and (other, one) in probabilities
     }
+    return both or {pair: probability >= _DISTINGUISHED for pair, probability in probabilities.items()}
 
 
 def _evidence(scenes: Sequence[Scene | None], first: Rival, channels: Sequence[int]) -> Evidence:
