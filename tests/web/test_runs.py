@@ -279,6 +279,18 @@ def test_the_catalogue_can_be_used_with_the_keyboard_alone(window: Window, two: 
     page.get_by_text("Choose a run to see").wait_for()
 
 
+def test_a_list_that_is_drawn_anew_keeps_the_focus(window: Window, two: tuple[str, str]) -> None:
+    """A key that was pressed just after went nowhere."""
+    page = window.open("/runs")
+    link = page.locator(f"tr[data-run='{two[1]}'] a")
+    link.focus()
+    link.evaluate("link => link.drawn = 'before'")
+    page.evaluate("document.getElementById('where').dispatchEvent(new Event('change'))")
+    page.wait_for_function("id => !document.querySelector(`tr[data-run='${id}'] a`).drawn", arg=two[1])
+    page.keyboard.press("Enter")
+    page.locator("aside h2", has_text=two[1]).wait_for()
+
+
 def test_the_list_of_runs_has_the_address_of_its_storage(tmp_path: Path) -> None:
     project = Project(tmp_path, tmp_path / "runs", store="s3://bucket/runs")
     found = Catalogue(Site(project, Jobs(tmp_path))).page(PageRequest({}, {}))

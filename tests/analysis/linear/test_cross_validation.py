@@ -140,7 +140,10 @@ def problem(
     records = [SimpleNamespace(run=run, label=str(k)) for k, run in enumerate(several)]
     measurements = SimpleNamespace(table=table)
     fit: Any = SimpleNamespace(
-        problem=SimpleNamespace(measurements=measurements, records=records), fitted=tuple(range(len(records)))
+        problem=SimpleNamespace(
+            measurements=measurements, records=records, compiled=SimpleNamespace(cascade=None)
+        ),
+        fitted=tuple(range(len(records))),
     )
     regions = cast("Regions", SimpleNamespace(conditions=conditions))
     no_prior = np.zeros((len(names), len(names))), np.zeros(len(names))

@@ -136,7 +136,10 @@ export const show = async (container) => {
     }
     if (number !== latest) return; // a later request was answered first
     showHead();
+    // whoever has come to a run by the keyboard stays there while the list is drawn anew
+    const at = document.activeElement, row = body.contains(at) ? at.closest("tr[data-run]") : null;
     body.replaceChildren(...listing.runs.map(line));
+    if (row) body.querySelector(`tr[data-run="${CSS.escape(row.dataset.run)}"] ${at.localName}`)?.focus();
     if (!listing.runs.length) body.append(h("tr", {}, h("td", { class: "empty", colspan: COLUMNS.length + 1 }, listing.all ? "No run meets this." : "There are no runs yet: a simulation on the page Procedure makes one.")));
     if (listing.all) steps.replaceChildren();
     else if (!steps.childElementCount) firstSteps(steps).catch(() => {});
