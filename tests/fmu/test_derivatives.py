@@ -266,7 +266,7 @@ def test_kept_derivatives_are_one_set_of_columns_of_each_record_and_not_too_larg
     kept, one = through.cascade.kept, record(through, shifts=None)
     for names in (PARAMETERS, PARAMETERS[:1], PARAMETERS):
         in_order(simulated(through, one, *names))
-        assert [(record, columns) for record, columns in kept] == [("one", (*names, *INITIAL))]
+        assert [(record, each.columns) for record, each in kept.items()] == [("one", (*names, *INITIAL))]
     # 61 samples, 2 outputs: two times 5 columns, and the outputs
     numbers = 61 * 2 * (2 * 5 + 1)
     monkeypatch.setattr(cascade, "_MOST_NUMBERS", 2 * numbers)

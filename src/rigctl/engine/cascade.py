@@ -103,13 +103,13 @@ def simulate_cascade(
 
 
 #: the kept derivatives of the last systems, and of how many there are any
-_KEPT: list[dict[tuple[str, tuple[str, ...]], Kept]] = []
+_KEPT: list[dict[str, Kept]] = []
 _MOST_KEPT: Final = 2
 #: numbers in the kept derivatives of one system, 128 MiB
 _MOST_NUMBERS: Final = 1 << 24
 
 
-def _only_last(kept: dict[tuple[str, tuple[str, ...]], Kept]) -> None:
+def _only_last(kept: dict[str, Kept]) -> None:
     """Forget the kept derivatives of systems before the last ones, since a diagnosis has dozens of them."""
     if not any(one is kept for one in _KEPT[:1]):
         _KEPT[:] = [kept, *(one for one in _KEPT if one is not kept)]
@@ -239,8 +239,9 @@ class _Cascade:
         kept = self.cascade.kept
         new = []
         for k in good:
-            known = kept.get((excitations[k].name, self.columns.names))
-            if known is not None and known.hold(excitations[k], read.outputs[k], self._moves(excitations[k])):
+            record, known = excitations[k], kept.get(excitations[k].name)
+            same = known is not None and known.columns == self.columns.names
+            if known is not None and same and known.hold(record, read.outputs[k], self._moves(record)):
                 through[k] = known.through
             else:
                 new.append(k)
@@ -252,18 +253,16 @@ class _Cascade:
         if not self.columns.splines.columns:
             _only_last(kept)
             for k in new:
-                self._keep(Kept(excitations[k], read.outputs[k], slopes[k], through[k]))
+                self._keep(Kept(self.columns.names, excitations[k], read.outputs[k], slopes[k], through[k]))
         return slopes
 
     def _keep(self, made: Kept) -> None:
         """Keep the derivatives of a record in the place of those by other columns, which no fit has any more;
         none beyond `_MOST_NUMBERS`."""
         kept = self.cascade.kept
-        for key in list(kept):
-            if key[0] == made.excitation.name:
-                kept.pop(key, None)
+        kept.pop(made.excitation.name, None)
         if sum(one.numbers for one in list(kept.values())) + made.numbers <= _MOST_NUMBERS:
-            kept[made.excitation.name, self.columns.names] = made
+            kept[made.excitation.name] = made
 
     def _moves(self, excitation: Excitation) -> Moves:
         columns, places = self.columns, {name: k for k, name in enumerate(self.columns.names)}

@@ -88,13 +88,13 @@ class Cascade:
     commands: the equations whose outputs are the program's inputs.
     readings: those whose inputs are the system's, and the rates of the program's outputs.
     steps: how each column is differenced.
-    kept: the last derivatives of each record by its name, and by those of their columns.
+    kept: the last derivatives of each record, by its name.
     """
 
     commands: CompiledSystem
     readings: CompiledSystem
     steps: dict[str, Step]
-    kept: dict[tuple[str, tuple[str, ...]], Kept] = field(default_factory=dict, repr=False)
+    kept: dict[str, Kept] = field(default_factory=dict, repr=False)
 
 
 def _cascade_again(system: System, steps: dict[str, Step]) -> CompiledSystem:

@@ -31,11 +31,13 @@ class Kept:
 
     Attributes
     ----------
+    columns: their names.
     excitation, outputs: of the record then; (samples, outputs).
     slopes: (samples, outputs, columns), all of the derivatives.
     through: those through the program alone.
     """
 
+    columns: tuple[str, ...]
     excitation: Excitation
     outputs: Floats
     slopes: Floats

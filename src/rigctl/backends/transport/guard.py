@@ -38,9 +38,7 @@ from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
 _LOOK = 0.1  # s between two checks whether rigctl is silent
-_SENT_WITHIN = (
-    1.0  # s for rigctl's side to take what is sent, which a program that stands still does not read
-)
+_SENT_WITHIN = 1.0  # s for rigctl to take what is sent; one that stands still does not read it
 _PAUSE = 0.05  # s between two safe commands, for devices without a buffer
 _READ = 0.2  # s
 _GIVES_WAY = 2.0  # s for another guard to release the port
