@@ -239,12 +239,12 @@ def test_at_a_terminal_the_user_is_asked_once(
 ) -> None:
     asked: list[str] = []
 
-    def confirm(question: str, **_: object) -> bool:
+    def confirm(question: str) -> bool:
         asked.append(question)
         return answer
 
     monkeypatch.setattr("rigctl.cli.attended_run.typing_possible", lambda: True)
-    monkeypatch.setattr("typer.confirm", confirm)
+    monkeypatch.setattr("rigctl.cli.options.driver.confirm", confirm)
     shown = ("monitor", "--rig", "rig.yaml", *port(server)[:2], "--count", "1", "--json")
     if answer:
         done = call(*shown)

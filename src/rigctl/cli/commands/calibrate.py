@@ -23,6 +23,7 @@ from rigctl.cli.echo import echo, print_json
 from rigctl.cli.options.as_json import Json
 from rigctl.cli.options.driver import AllowDriverOption
 from rigctl.cli.options.port import PortOption
+from rigctl.cli.question import confirm
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import significant
 
@@ -125,9 +126,7 @@ def calibrate(
     document = _as_document(channel, part, fit, on)
     if not as_json:
         _show(channel, part, fit)
-    if not dry and (
-        yes or as_json or not typing_possible() or typer.confirm("Write it to the rig file?", err=True)
-    ):
+    if not dry and (yes or as_json or not typing_possible() or confirm("Write it to the rig file?")):
         document |= _write(bench, channel, fit, on, reference, valid_for)
     _finish(document, as_json=as_json)
 

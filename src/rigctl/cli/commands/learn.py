@@ -29,6 +29,7 @@ from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOpt
 from rigctl.cli.options.port import PortOption
 from rigctl.cli.options.procedure import ArgumentOption, RigOption
 from rigctl.cli.options.serve import ServeOption
+from rigctl.cli.question import confirm
 from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
@@ -395,7 +396,7 @@ def _confirmed() -> bool:
     if not typing_possible():
         return False
     try:
-        return typer.confirm("Carry it out?", default=False, err=True)
+        return confirm("Carry it out?")
     except typer.Abort:
         raise RigctlError(
             "Stopped; 'rigctl learn --resume' asks again", exit_code=ExitCode.INTERRUPTED

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from rigctl.cli.question import confirm
+
 
 def _allow(context: typer.Context, packages: list[str] | None) -> list[str] | None:
     """Allow packages for the duration of the command."""
@@ -24,7 +26,7 @@ def _ask(package: str) -> bool:
         f"The rig file names a driver of the Python package {package!r}, which would be executed. "
         "Allow this package, here and from now on in this project?"
     )
-    return typer.confirm(question, err=True)
+    return confirm(question)
 
 
 AllowDriverOption = Annotated[

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from rigctl.cli.echo import echo
+from rigctl.cli.question import ask
 from rigctl.errors import RigctlError
 
 if TYPE_CHECKING:
@@ -61,11 +62,9 @@ def _ask(plan: Plan, name: str) -> str:
     demands = plan.procedure.identity
     pattern = getattr(demands, name).pattern
     for _ in range(_TRIES):
-        text = typer.prompt(
-            name.replace("_", " ").capitalize() + (f" [{pattern}]" if pattern else ""), err=True
-        )
+        text = ask(name.replace("_", " ").capitalize() + (f" [{pattern}]" if pattern else ""))
         try:
-            answer = checked(demands, name, str(text))
+            answer = checked(demands, name, text)
         except RigctlError as error:
             echo(str(error), err=True)
         else:

@@ -18,9 +18,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from rigctl.cli.echo import echo, print_json
+from rigctl.cli.question import confirm
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -74,9 +73,7 @@ def align_devices(
     document = _as_document(rig, stated, measured.offsets, entries)
     if not as_json:
         _show(rig, stated, measured.offsets, entries)
-    if write or (
-        not as_json and typing_possible() and typer.confirm("Write this to the rig file?", err=True)
-    ):
+    if write or (not as_json and typing_possible() and confirm("Write this to the rig file?")):
         document |= _write(rig, entries)
     if as_json:
         print_json(document)
@@ -96,7 +93,7 @@ def _require_agreement(rig: Rig, stated: Align, *, yes: bool) -> None:
     )
     if not typing_possible():
         raise RigctlError(f"this moves an output: {what}", expected="--yes, or a terminal that can be asked")
-    if not typer.confirm(f"{what}. Is the bench ready for it?", err=True):
+    if not confirm(f"{what}. Is the bench ready for it?"):
         raise RigctlError("nothing was moved")
 
 
