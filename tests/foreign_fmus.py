@@ -186,6 +186,7 @@ def lag_fmu(
     units: tuple[str, str] = ("", ""),
     defined: str = "<Unit name='1'/>",
     platform: str = "",
+    variability: str = "fixed",
 ) -> Path:
     """Compile and write one.
 
@@ -195,13 +196,14 @@ def lag_fmu(
     names, units: of the input and of the output.
     defined: the definitions of units.
     platform: the folder of its program; by default that of this computer.
+    variability: of its parameters.
     """
     two = version == "2.0"
     code = _COMMON.replace("RATE", rate) + (_TWO if two else _THREE)
     code = _with_the_others(code, Path(fmpy.__file__).parent / "c-code", f"fmi{version[0]}")
     library = "lag" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
     program = _compiled({"sources/slave.c": code.encode(), "sources/equations.h": b""}, library)
-    about = _ABOUT_TWO if two else _ABOUT_THREE
+    about = (_ABOUT_TWO if two else _ABOUT_THREE).replace("fixed", variability)
     parts = {"KIND": kind, "INPUT": names[0], "OUTPUT": names[1], "UNITS": defined}
     parts |= {
         key: f'unit="{unit}"' * bool(unit) for key, unit in zip(("U_UNIT", "Y_UNIT"), units, strict=True)
@@ -275,11 +277,13 @@ _MOTOR_VARIABLES = (
 )
 
 
-def _motor_description(two: bool) -> str:
+def _motor_description(two: bool, variability: str) -> str:
     lines = []
     for reference, (name, causality, start, unit) in enumerate(_MOTOR_VARIABLES):
         about = f'name="{name}" valueReference="{reference}" causality="{causality}"'
-        about += {"output": ' initial="exact"', "parameter": ' variability="fixed"'}.get(causality, "")
+        about += {"output": ' initial="exact"', "parameter": f' variability="{variability}"'}.get(
+            causality, ""
+        )
         real = f'start="{start}" unit="{unit}"'
         lines.append(
             f"<ScalarVariable {about}><Real {real}/></ScalarVariable>"
@@ -309,8 +313,16 @@ def _for_motor(shared: str) -> str:
     return shared[:end].replace("Lag", "Motor")
 
 
-def motor_fmu(path: Path, version: str = "2.0", *, acceleration: str = ACCELERATION) -> Path:
-    """Compile and write the co-simulation of a motor; `acceleration` is a C expression."""
+def motor_fmu(
+    path: Path, version: str = "2.0", *, acceleration: str = ACCELERATION, variability: str = "fixed"
+) -> Path:
+    """Compile and write the co-simulation of a motor.
+
+    Parameters
+    ----------
+    acceleration: C expression.
+    variability: of its parameters: "tunable" ones can change during a simulation.
+    """
     two = version == "2.0"
     shared, step = (_TWO, _STEP_TWO) if two else (_THREE, _STEP_THREE)
     code = _MOTOR.replace("RATE", acceleration) + _for_motor(shared) + step
@@ -318,6 +330,6 @@ def motor_fmu(path: Path, version: str = "2.0", *, acceleration: str = ACCELERAT
     library = "motor" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
     program = _compiled({"sources/slave.c": code.encode(), "sources/equations.h": b""}, library)
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", _motor_description(two))
+        archive.writestr("modelDescription.xml", _motor_description(two, variability))
         archive.writestr(f"binaries/{fmpy.platform if two else fmpy.platform_tuple}/{library}", program)
     return path

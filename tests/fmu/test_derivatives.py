@@ -324,3 +324,53 @@ def test_the_mean_of_a_drive_is_what_the_program_is_given(folder: Path) -> None:
     for at, jump in zip(SWITCHES[1:], np.diff(VOLTAGES), strict=True):
         near = (points[:-1] > at - 1e-6) & (points[:-1] < at + 0.02)
         assert missing[near].sum() == pytest.approx(-lag * jump, rel=0.01)
+
+
+#: the drift of the resistance of the FMU with the voltage, as a term of the equations
+HEATING = """
+effect: heating
+family: equations.yaml
+summary: The resistance changes with the voltage.
+slot: current_rate
+term: -slope*voltage*current/(20 mH)
+parameters: {slope: {null_value: 0 ohm/V, start: 0.01 ohm/V, bounds: [-1 ohm/V, 1 ohm/V]}}
+"""
+DRIFT = "drift_of_resistance_with_voltage"
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.05])
+def test_a_parameter_that_can_change_follows_the_command_that_acts(tmp_path: Path, slope: float) -> None:
+    motor_fmu(tmp_path / "motor.fmu", variability="tunable")
+    for name, text in {"family": FAMILY, "equations": EQUATIONS, "rig": RIG}.items():
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    for name, family in (("model", "family"), ("written", "equations")):
+        (tmp_path / f"{name}.yaml").write_text(f"model: {family}.yaml\n{MODEL}", encoding="utf-8")
+    allow(digest(tmp_path / "motor.fmu"))
+    own = parse_effect(HEATING, tmp_path / "heating.yaml")
+    through = compiled(tmp_path, "model", {DRIFT: {"slope": slope}})
+    exact = compiled(tmp_path, "written", {"heating": {"slope": slope}}, own)
+    found = simulated(through, record(through), *PARAMETERS, f"{DRIFT}.slope")
+    right = simulated(exact, record(exact), *PARAMETERS, "heating.slope")
+    outputs = [
+        one.outputs[0][:, [one.output_names.index(name) for name in ("current", "speed")]]
+        for one in (found, right)
+    ]
+    np.testing.assert_allclose(*outputs, rtol=1e-4, atol=1e-3)
+    slopes, expected = in_order(found), in_order(right)
+    for column in range(expected.shape[2]):
+        for output in range(2):
+            assert apart(slopes[:, output, column], expected[:, output, column]) < 0.01
+
+
+def test_a_parameter_that_cannot_change_has_the_mean_over_the_record(folder: Path) -> None:
+    system = compiled(folder, "model", {DRIFT: {"slope": 0.05}})
+    found = simulated(system, record(system, shifts=None), "resistance", f"{DRIFT}.slope")
+    times = np.append(SWITCHES, 60 * PERIOD)
+    mean = float(np.average(VOLTAGES, weights=np.diff(times)))
+    plain = compiled(folder, "model", {})
+    right = simulated(plain, record(plain, shifts=None, resistance=1.8 + 0.05 * mean), "resistance")
+    np.testing.assert_allclose(found.outputs[0], right.outputs[0], rtol=1e-9, atol=1e-9)
+    slopes = in_order(found)
+    for output in range(2):
+        assert apart(slopes[:, output, 0], in_order(right)[:, output, 0]) < 0.01
+        assert apart(slopes[:, output, 1], mean * slopes[:, output, 0]) < 0.01

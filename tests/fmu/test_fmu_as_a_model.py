@@ -43,10 +43,10 @@ def test_an_effect_at_its_edge_is_found_and_not_called_certain(tmp_path: Path) -
     found = diagnosed(run)
     assert found["verdict"] == "ambiguous", found["statement"]
     assert found["effects"] == ["offset_of_speed"]
-    assert "nly effects at the inputs and outputs of motor.fmu were searched" in found["statement"]
+    assert "nly effects at inputs, outputs and parameters of motor.fmu were searched" in found["statement"]
     assert not any(one["place"]["sure"] for one in found["levels"])
     said = told("diagnose", run, "--model", "model.yaml", "--family", "motor.fmu", "--max-effects", "1")
-    assert "the cause may be inside the FMU" in " ".join(said.split())
+    assert "the cause may be another one inside the FMU" in " ".join(said.split())
     size = found["ranking"][0]["parameters"]["size"]
     assert size["value"] == pytest.approx(4.0, abs=3.0 * size["std"])
 
@@ -66,7 +66,7 @@ def test_a_cause_inside_it_is_not_taken_for_an_effect_at_its_edge(tmp_path: Path
     run = write_bench(tmp_path, inside=lambda speed: -2e-6 * speed * abs(speed))
     found = diagnosed(run)
     assert found["verdict"] in ("ambiguous", "outside_library"), found["statement"]
-    assert "nly effects at the inputs and outputs of motor.fmu were searched" in found["statement"]
+    assert "nly effects at inputs, outputs and parameters of motor.fmu were searched" in found["statement"]
     assert "inside the FMU" in found["statement"]
     assert not any(one["place"]["sure"] for one in found["levels"])
     if found["effects"]:  # none is described by an effect that may as well be none
@@ -84,7 +84,10 @@ def test_an_fmu_that_only_a_file_names_is_not_run(tmp_path: Path) -> None:
 def test_its_effects_are_listed_without_running_it(tmp_path: Path) -> None:
     write_bench(tmp_path, acceleration="abort(), 0.0")
     slots = {one["slot"]: one for one in answer("effects", "list", "--family", "family.yaml")["generic"]}
-    assert set(slots) == {"voltage_input", "voltage_delay", "current_reading", "speed_reading"}
+    parameters = {"resistance_parameter", "kt_parameter", "damping_parameter"}
+    assert set(slots) - parameters == {"voltage_input", "voltage_delay", "current_reading", "speed_reading"}
+    for parameter in parameters:  # which the description calls fixed
+        assert slots[parameter]["why_not"] == "no drift in time: it cannot change during a simulation"
     assert "lag_of_speed" in slots["speed_reading"]["effects"]
     assert "dead_band_of_voltage" in slots["voltage_input"]["effects"]
 

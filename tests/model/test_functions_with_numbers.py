@@ -128,15 +128,39 @@ def test_the_first_records_may_be_at_rest(tmp_path: Path) -> None:
         assert found.fit.std[name] < 0.02 * value
 
 
+def test_a_drift_of_a_parameter_in_time_is_found(tmp_path: Path) -> None:
+    """The gain of 20 rad/(V·s) grows by a fifth in a record, between whose ends it is switched alike."""
+    rng = np.random.default_rng(11)
+    rows = ["time [s],record,voltage [V],speed [rad/s]"]
+    for record, volts in enumerate(VOLTAGES, start=1):
+        speed, steps = 0.0, 20
+        for k in range(100):
+            level = volts * (1 if (k // 20) % 2 == 0 else -0.5)
+            rows.append(f"{k * 0.01:.2f},{record},{level},{speed + 0.3 * rng.standard_normal():.6f}")
+            for step in range(steps):
+                gain = 20.0 * (1.0 + 0.2 * (k + (step + 0.5) / steps) * 0.01)
+                speed = gain * level + (speed - gain * level) * math.exp(-0.01 / steps / 0.1)
+    (tmp_path / "rig.yaml").write_text(RIG, encoding="utf-8")
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    rig = rigctl.load_rig(tmp_path / "rig.yaml")
+    run = rigctl.open_run(rigctl.import_file(tmp_path / "log.csv", rig, tmp_path / "runs").path)
+    found = rigctl.diagnose([run], made(by_a_table, tmp_path), most=1)
+    assert (found.verdict, found.effects) == ("ambiguous", ("drift_of_gain_in_time",)), found.statement
+    size = found.ranking[0].parameters["rate"]
+    assert size.value == pytest.approx(4.0, abs=3.0 * size.std)
+
+
 def test_an_effect_at_an_edge_is_found_and_the_answer_says_what_was_searched(tmp_path: Path) -> None:
     found = rigctl.diagnose([measured(tmp_path, offset=4.0)], made(by_a_table, tmp_path), most=1)
     # by the speed alone, an offset of the command with the same effect is as probable
     assert found.verdict == "ambiguous", found.statement
     assert "offset_of_speed" in found.statement
     assert set(found.effects) <= {"offset_of_speed", "offset_of_voltage"}
-    edges = "nly effects at the inputs and outputs of motor were searched, because they take no symbols"
+    edges = (
+        "nly effects at inputs, outputs and parameters of motor were searched, because they take no symbols"
+    )
     assert edges in found.statement
-    assert "the cause may be inside the functions" in found.statement
+    assert "the cause may be another one inside the functions" in found.statement
     assert not any(one.place_sure for one in found.levels)
 
 

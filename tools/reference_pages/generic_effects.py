@@ -7,7 +7,9 @@ from collections.abc import Iterable, Iterator
 
 from rigctl.effects.declaration import Effect
 from rigctl.effects.generic.offer import offers
-from rigctl.effects.generic.slot_roles import Balance, Given, Late, Reading
+from rigctl.effects.generic.slot_roles import Balance, Given, Late, OfProgram, Reading
+from rigctl.physics.derived_slots import around
+from rigctl.physics.family import ModelFamily
 
 #: one of each kind: a speed with its position, a store in its surroundings, a command, a reading
 _EXAMPLE = """
@@ -33,6 +35,18 @@ parameters:
 outputs:
   reading: {unit: m, formula: height*setting^2}
 """
+#: of which a program computes the state
+_PROGRAM = """
+family: program
+states:
+  reading: {start: 0 m, scale: 1 mm, rate: (temperature - 20 degC)*(1 m/s/K) - stiffness*reading/(1 N*s/m)}
+inputs:
+  temperature: {value: 20 degC}
+parameters:
+  stiffness: {value: 100 N/m, bounds: [1 N/m, 1000 N/m]}
+outputs:
+  reading: {unit: m, formula: reading}
+"""
 _SECTIONS = (
     (
         "At the balance of a speed",
@@ -55,6 +69,15 @@ otherwise to 0, and a temperature or pressure to its initial value.
     (
         "At a reading of a table",
         "In a family without states, a missing term may depend on each setting.",
+    ),
+    (
+        "At a parameter of an FMU or of functions",
+        """
+Where a program computes the states there are no balances to act on. Effects act at its inputs and outputs,
+and on each of its parameters that a fit may change: a drift with every input and condition, and in time if
+the parameter can change during a simulation (`variability="tunable"` of an FMU; functions always). To another
+one the mean over each record is added.
+""",
     ),
 )
 
@@ -113,6 +136,19 @@ def _example_effects() -> Iterable[tuple[str, Effect]]:
     for offer in offers(parse_family(_TABLE)):
         if isinstance(offer.role, Reading):
             yield from ((_SECTIONS[4][0], effect) for effect in offer.effects if "_with_" in effect.name)
+    for offer in offers(_of_program()):
+        if isinstance(offer.role, OfProgram):
+            yield from ((_SECTIONS[5][0], effect) for effect in offer.effects)
+
+
+def _of_program() -> ModelFamily:
+    from rigctl.foreign.functions import FunctionProgram
+    from rigctl.physics.user import parse_family
+
+    names = {"inputs": ("temperature",), "outputs": ("reading",), "parameters": ("stiffness",)}
+    rest = {"token": "", "code": b"", "why": "", "states": {}, "settable": (), "constants": {}}
+    program = FunctionProgram(name="program", sizes={"stiffness": 100.0}, **names, **rest)
+    return around(program, parse_family(_PROGRAM))
 
 
 def _of_effect(effect: Effect) -> Iterator[str]:

@@ -452,7 +452,8 @@ def _searched(diagnosis: Diagnosis) -> str:
     program = diagnosis.before.fit.problem.model.family.program
     if program is None:
         return ""
-    return f"only at the inputs and outputs of {program.name}; the cause may be inside {program.noun}"
+    where = f"only at inputs, outputs and parameters of {program.name}"
+    return f"{where}; the cause may be another one inside {program.noun}"
 
 
 def _certain(diagnosis: Diagnosis) -> str:

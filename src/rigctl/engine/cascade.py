@@ -3,12 +3,14 @@
     u --(effects on commands)--> drives --(program)--> z --(effects on readings)--> outputs
 
 The first and the last step are equations, integrated by the engine. The program is given the drives held
-constant over each interval of a grid, at their means there. The grid has the samples, every command at the
-time at which it acts, and some points after it. What is read of z, linear between the points, has exact
-derivatives. Derivatives through the program are differences, central except at a value of 0, where only one
-side need exist, and of switches, which lie at corners (`Change`). Each column is differenced with two steps,
-and with smaller ones until two agree; from then on with one, where that gives the same. A record that hardly
-moves keeps its derivatives (`kept_derivatives`).
+constant over each interval of a grid, at their means there. Effects on its parameters are functions of u,
+too: what they add to one that can change during a simulation is held like a drive; to another one its mean
+over the record is added. The grid has the samples, every command at the time at which it acts, and some
+points after it. What is read of z, linear between the points, has exact derivatives. Derivatives through the
+program are differences, central except at a value of 0, where only one side need exist, and of switches,
+which lie at corners (`Change`). Each column is differenced with two steps, and with smaller ones until two
+agree; from then on with one, where that gives the same. A record that hardly moves keeps its derivatives
+(`kept_derivatives`).
 """
 
 from __future__ import annotations
@@ -149,7 +151,8 @@ class _Courses:
 
     Attributes
     ----------
-    drives, commands: of each interval, what the program is given, and the inputs that act by then.
+    drives: (intervals, drives and added) what the program is given, and what is added to its parameters.
+    commands: (intervals, inputs) those that act by then.
     """
 
     excitation: Excitation
@@ -183,20 +186,23 @@ class _Cascade:
         self.pool: Pool = pool_of(foreign.program)
         self.index = {name: k for k, name in enumerate(system.parameter_names)}
         commands = cascade.commands.system
-        behind = [*foreign.drives, *commands.rhs, *(delay.expr for delay in commands.delays)]
+        given = [one.expr for one in commands.outputs]  # the drives, and what is added to parameters
+        behind = [*given, *commands.rhs, *(delay.expr for delay in commands.delays)]
         self.of_commands = _names(behind) & set(self.index)
         self.of_delays = _names([delay.expr for delay in commands.delays]) & set(self.index)
         readings = cascade.readings.system
         read = _names([*readings.rhs, *(one.expr for one in readings.outputs)])
         self.of_readings = read & set(self.index)
         # parameters of a delay that move the only input whole; of several, others may switch at its times
-        others = _names([*foreign.drives, *commands.rhs])
+        others = _names([*given, *commands.rhs])
         late = _names([delay.expr for delay in commands.delays])
         used = {*commands.input_names} & (others | late | read)
         single = len(used) == 1 and not late & {*commands.state_names}
         self.late_alone = self.of_delays - others if single else set()
         self.of_program = tuple(foreign.program.parameters)
         self.at_parameters = [self.index[name] for name in self.of_program]
+        self.added = [self.of_program.index(name) for name, _ in foreign.added]
+        self.tunable = [self.of_program.index(name) for name in foreign.program.tunable]
         self.at_responses = [system.state_names.index(name) for name in foreign.responses]
         self.settable = set(foreign.program.settable)
 
@@ -351,18 +357,35 @@ class _Cascade:
                 for (grid, drives, held), nudge in zip(given, nudges, strict=True)
             ]
         jobs = [
-            Job(one.name, grid, drives, one.parameters[self.at_parameters], one.initial[self.at_responses])
-            for one, (grid, drives, _) in zip(excitations, given, strict=True)
+            self._job(one, grid, drives) for one, (grid, drives, _) in zip(excitations, given, strict=True)
         ]
         return [
-            _Courses(one, job.points, job.drives, held, result.values, result.reason)
-            for one, (_, _, held), job, result in zip(
-                excitations, given, jobs, self.pool.run(jobs), strict=True
-            )
+            _Courses(one, grid, drives, held, result.values, result.reason)
+            for one, (grid, drives, held), result in zip(excitations, given, self.pool.run(jobs), strict=True)
         ]
 
+    def _job(self, excitation: Excitation, grid: Floats, drives: Floats) -> Job:
+        """The simulation of a record.
+
+        Parameters
+        ----------
+        drives: (intervals, drives and added).
+        """
+        given, added = np.hsplit(drives, [len(self.foreign.drives)])
+        parameters = excitation.parameters[self.at_parameters]
+        changing = np.tile(parameters[self.tunable], (len(given), 1))
+        for place, term in zip(self.added, added.T, strict=True):
+            if place in self.tunable:
+                changing[:, self.tunable.index(place)] += term
+            else:
+                parameters[place] += np.average(term, weights=np.diff(grid))
+        # a program whose parameters are constant is simulated as without effects on them
+        if (changing != parameters[self.tunable]).any():
+            given = np.hstack([given, changing])
+        return Job(excitation.name, grid, given, parameters, excitation.initial[self.at_responses])
+
     def _drives(self, excitations: Sequence[Excitation], grids: Sequence[Floats]) -> list[Floats]:
-        """(intervals, inputs) of each record: the means of the drives over each interval."""
+        """(intervals, drives and added) of each record: the means over each interval."""
         if not excitations:
             return []
         acting = self._acting(excitations) if self.cascade.commands.system.states else grids
@@ -757,18 +780,35 @@ class _Cascade:
         return Change("parameter", k, self._command_step(name, excitations))
 
     def _command_step(self, name: str, excitations: Sequence[Excitation]) -> float:
-        """A step of a parameter that changes the drives by a share of their mean magnitude."""
-        changed = scale = 0.0
-        for one in excitations[:_TRIED]:
+        """The step of a parameter that acts on the drives, or on the program's parameters."""
+        changed = scale = np.zeros(len(self.cascade.commands.system.outputs))
+        some = excitations[:_TRIED]
+        for one in some:
             (acting,) = self._acting([one])
             grid = self._grid(one, acting)
             nodes = self._nodes(one, grid, acting)
             at = [self._command(one, nodes.times)]
             found = self.engine(self.cascade.commands, at, columns=[name]).require()
             share = np.diff(grid)[:, None] / (grid[-1] - grid[0])
-            changed += float(np.sum(share[:, :, None] * np.abs(nodes.means(found.sensitivities[0]))))
-            scale += float(np.sum(share * np.abs(nodes.means(found.outputs[0]))))
-        return SHARE * (scale or 1.0) / changed if changed > 0.0 else SHARE
+            changed = changed + np.sum(share * np.abs(nodes.means(found.sensitivities[0])[:, :, 0]), axis=0)
+            scale = scale + np.sum(share * np.abs(nodes.means(found.outputs[0])), axis=0)
+        return self._step(changed / len(some), scale / len(some)) or SHARE
+
+    def _step(self, changed: Floats, scale: Floats) -> float:
+        """The step that changes the drives by a share of their mean magnitude, or one of the program's
+        parameters by that share of a change of it that matters, whichever is less; 0 if it changes none.
+
+        Parameters
+        ----------
+        changed, scale: (drives and added) mean magnitudes of the derivatives, and of the values.
+        """
+        count = len(self.foreign.drives)
+        driven = float(changed[:count].sum())
+        steps = [SHARE * (float(scale[:count].sum()) or 1.0) / driven] if driven > 0.0 else []
+        for place, slope in zip(self.added, changed[count:].tolist(), strict=True):
+            if slope > 0.0:
+                steps.append(SHARE * self.foreign.program.sizes[self.of_program[place]] / slope)
+        return min(steps, default=0.0)
 
     def _splines(
         self,
@@ -806,8 +846,7 @@ class _Cascade:
             means = nodes.means(found.sensitivities[0])
             for column in range(len(splines.columns)):
                 slope = means[:, :, column]
-                size = float(np.abs(slope).mean())
-                step = SHARE * (float(np.abs(found.outputs[0]).mean()) or 1.0) / size if size else 0.0
+                step = self._step(np.abs(slope).mean(axis=0), np.abs(found.outputs[0]).mean(axis=0))
                 for sign in (1.0, -1.0):
                     moved.append(one)
                     nudges.append(sign * step * slope)

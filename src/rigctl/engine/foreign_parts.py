@@ -1,8 +1,8 @@
 """The two systems of equations around a foreign program: what it is given, and what is read of it.
 
-Both have the parameters of the whole. The first has the states on which the program's inputs depend, and
-those inputs as outputs; the second the program's outputs, with their rates among its inputs, and the states
-on which readings depend.
+Both have the parameters of the whole. The first has the states on which the program's inputs depend, and as
+outputs those inputs, and what is added to the program's parameters; the second the program's outputs, with
+their rates among its inputs, and the states on which readings depend.
 """
 
 from __future__ import annotations
@@ -22,24 +22,23 @@ def parts_of(system: System, foreign: Foreign) -> tuple[System, System]:
     RigctlError
         what it is given depends on what it computes: a loop around it, which is not supported.
     """
-    exprs = [*foreign.drives, *(delay.expr for delay in system.delays)]
+    exprs = [*foreign.drives, *(term for _, term in foreign.added), *(one.expr for one in system.delays)]
     before = _states_behind(system, exprs)
     loop = before & set(foreign.responses)
     if loop:
         raise RigctlError(
             f"what {foreign.program.name} is given depends on what it computes",
             value=min(loop),
-            expected="effects on its inputs that use inputs alone",
+            expected="effects on its inputs and parameters that use inputs alone",
         )
     after = _states_behind(system, [one.expr for one in system.outputs]) | set(foreign.responses)
     rates = tuple(
         Input(rate_of(name), unit) for name, unit in zip(foreign.responses, foreign.rate_units, strict=True)
     )
     units = {item.name: item.unit for item in system.inputs}
-    drives = tuple(
-        Output(name, units[name], drive)
-        for name, drive in zip(foreign.program.inputs, foreign.drives, strict=True)
-    )
+    units |= {item.name: item.unit for item in system.parameters}
+    given = [*zip(foreign.program.inputs, foreign.drives, strict=True), *foreign.added]
+    drives = tuple(Output(name, units[name], expr) for name, expr in given)
     return (
         _part(system, before, system.inputs, drives, delays=True),
         _part(system, after, (*system.inputs, *rates), system.outputs, delays=False),

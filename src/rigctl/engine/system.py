@@ -11,7 +11,7 @@ because it may depend on the state at the time of the command.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -86,11 +86,13 @@ class Foreign:
     ----------
     program: computes z from the drives and from the parameters of these names.
     drives: its inputs, in order, as functions of the system's.
+    added: by parameter of the program, what effects add to it; those to which nothing is added are left out.
     rate_units: SI units of the rates of its outputs.
     """
 
     program: Program
     drives: tuple[Expr, ...]
+    added: tuple[tuple[str, Expr], ...]
     rate_units: tuple[str, ...]
 
     @property
@@ -234,10 +236,17 @@ class SystemBuilder:
         new = self.graph.variable(after(input_name), dimension)
         self._delays.append(Delay(input_name, self.graph.expression(expr(old, new))))
 
-    def foreign(self, program: Program, drives: Sequence[Scalar], rate_units: Sequence[str]) -> None:
+    def foreign(
+        self,
+        program: Program,
+        drives: Sequence[Scalar],
+        added: Mapping[str, Scalar],
+        rate_units: Sequence[str],
+    ) -> None:
         """Let another program compute the states that are its outputs."""
         expressions = tuple(self.graph.expression(one) for one in drives)
-        self._foreign = Foreign(program, expressions, tuple(rate_units))
+        terms = tuple((name, self.graph.expression(one)) for name, one in added.items())
+        self._foreign = Foreign(program, expressions, terms, tuple(rate_units))
 
     def build(self) -> System:
         """The system, checked.
@@ -309,6 +318,11 @@ def _check_equations(system: System) -> None:
     if system.foreign is not None:
         for drive in system.foreign.drives:
             _check_variables(drive, known, f"an input of {system.foreign.program.name}")
+        units = {parameter.name: parameter.unit for parameter in system.parameters}
+        for name, term in system.foreign.added:
+            what = f"what is added to {name} of {system.foreign.program.name}"
+            _check_variables(term, known, what)
+            check_dimension(term, _dimension(units[name]), what)
         known |= {rate_of(name) for name in system.foreign.responses}
     for state, derivative in zip(system.states, system.rhs, strict=True):
         what = f"the derivative of {state.name}"

@@ -39,6 +39,7 @@ class Variable:
     reference: its value reference.
     unit: as the FMU writes it; None if it gives none, and the variable is in SI.
     settable: whether its value can be set before a simulation, and is then kept.
+    tunable: whether it is a parameter whose value can be set during a simulation, too.
     start, low, high, nominal: its value by default, its bounds and its usual size, in the FMU's unit; None
         if it gives none.
     meaning: its description.
@@ -49,6 +50,7 @@ class Variable:
     causality: str
     unit: str | None
     settable: bool
+    tunable: bool = False
     start: float | None = None
     low: float | None = None
     high: float | None = None
@@ -222,6 +224,7 @@ def _variable(one: Any) -> Variable:
         causality=str(one.causality),
         unit=own("unit"),
         settable=kept and one.causality != "input" and one.variability != "constant",
+        tunable=one.causality == "parameter" and one.variability == "tunable",
         start=_number(one.start),
         low=_number(own("min")),
         high=_number(own("max")),

@@ -30,6 +30,7 @@ class FmuProcess(ProgramProcess):
     path, kind: of the FMU, and how it is simulated.
     inputs, outputs: the variables that are connected.
     starts: those that are set before a simulation.
+    tunable: the parameters that drives may have columns for, after those of the inputs.
     patience: longest time of one simulation, s.
     slow: what to do if that is too short.
     sha256: of the FMU that may be run: a private copy is, so that nothing else is.
@@ -43,14 +44,15 @@ class FmuProcess(ProgramProcess):
         outputs: Sequence[Port],
         starts: Sequence[Port],
         *,
+        tunable: Sequence[Port] = (),
         patience: float = PATIENCE,
         slow: str = "",
         sha256: str = "",
     ) -> None:
         super().__init__("rigctl.fmu.worker", "the FMU", patience, slow, Location(path))
         self._path, self._kind, self._sha256 = path, kind, sha256
-        self._inputs, self._outputs, self._starts = inputs, outputs, starts
-        self._of_inputs, self._of_outputs, self._of_starts = map(_scale, (inputs, outputs, starts))
+        self._given, self._outputs, self._starts = [*inputs, *tunable], outputs, starts
+        self._of_given, self._of_outputs, self._of_starts = map(_scale, (self._given, outputs, starts))
 
     def setup(self, folder: Path) -> dict[str, Any]:
         """The FMU, and its connected variables."""
@@ -65,7 +67,7 @@ class FmuProcess(ProgramProcess):
             "fmu": str(path),
             "folder": str(folder / "unpacked"),
             "kind": self._kind,
-            "inputs": [one.reference for one in self._inputs],
+            "given": [one.reference for one in self._given],
             "outputs": [one.reference for one in self._outputs],
             "starts": [one.reference for one in self._starts],
             "names": [one.name for one in self._outputs],
@@ -111,7 +113,8 @@ class FmuProcess(ProgramProcess):
 
     def request(self, points: Floats, drives: Floats, starts: Floats) -> None:
         """Ask for a simulation: see `ProgramProcess`."""
-        super().request(points, _written(self._of_inputs, drives), _written(self._of_starts, starts))
+        factors, offsets = (each[: drives.shape[1]] for each in self._of_given)
+        super().request(points, _written((factors, offsets), drives), _written(self._of_starts, starts))
 
     def result(self, which: str) -> tuple[str, Floats]:
         """The next result: see `ProgramProcess`."""

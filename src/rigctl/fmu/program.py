@@ -31,6 +31,7 @@ class FmuProgram:
     inputs, outputs, parameters: those that the model uses, in order.
     sizes: of each parameter a change that matters, SI.
     starts: of each output the variable that sets its value at the start; None if it cannot be set.
+    tunable: the parameters that can be set during a simulation, in order.
     """
 
     path: Path
@@ -41,6 +42,7 @@ class FmuProgram:
     parameters: Mapping[str, Port]
     sizes: Mapping[str, float]
     starts: Mapping[str, Port | None]
+    tunable: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -99,6 +101,7 @@ class FmuProgram:
             list(self.inputs.values()),
             list(self.outputs.values()),
             [*self.parameters.values(), *(one for one in self.starts.values() if one is not None)],
+            tunable=[self.parameters[name] for name in self.tunable],
             patience=PATIENCE if patience is None else patience,
             sha256=self.sha256,
         )

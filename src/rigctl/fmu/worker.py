@@ -2,8 +2,8 @@
 
 An FMU is a compiled program: if it crashes or never returns, only this process is lost. The first message
 names the FMU, a folder to unpack it in, and its connected variables; each further one is a simulation: its
-points in time, the inputs from each of them to the next, and what is set before it starts. All values are in
-the FMU's units.
+points in time, the inputs from each of them to the next, and what is set before it starts. The inputs may be
+followed by the tunable parameters, which then change as inputs do. All values are in the FMU's units.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class _Instance:
 
     Attributes
     ----------
-    drives: (points - 1, inputs) or more.
+    drives: (points - 1, inputs) or more rows; or with the tunable parameters.
     rows: (points, outputs), of which the first `done` have been read.
     """
 
@@ -74,15 +74,15 @@ class _Instance:
         self.rows = np.full((points, len(setup["outputs"])), np.nan)
         self._calls = calls
         self._references = {
-            name: np.array(setup[name], dtype=np.uint32) for name in ("inputs", "outputs", "starts")
+            name: np.array(setup[name], dtype=np.uint32) for name in ("given", "outputs", "starts")
         }
         self._component = int(fmu.component)
-        self._writes = self._access("inputs", self.drives)
+        self._writes = self._access("given", self.drives)
         self._reads = self._access("outputs", self.rows)
 
     def _access(self, ports: str, values: Floats) -> tuple[int, int, int, int]:
         """Address of references, their number, address of the values, bytes of a row."""
-        count = len(self._references[ports])
+        count = values.shape[1]
         return self._references[ports].ctypes.data, count, values.ctypes.data, count * DOUBLE
 
     def give(self, k: int) -> None:

@@ -1,9 +1,9 @@
 """Simulates a user's functions: ``python -m rigctl.foreign.function_worker``, commanded through its pipes.
 
 The first message has the functions and the names of their variables; each further one is a simulation: its
-points in time, the inputs from each of them to the next, and the values of the parameters and of the states
-that readings give, all in SI. Between two changes of the inputs the states are integrated in one go, by LSODA
-of ODEPACK, which is for stiff equations too.
+points in time, the inputs from each of them to the next, which may be followed by the parameters, and the
+values of the parameters and of the states that readings give, all in SI. Between two changes of the inputs
+the states are integrated in one go, by LSODA of ODEPACK, which is for stiff equations too.
 """
 
 from __future__ import annotations
@@ -59,20 +59,23 @@ class _Functions:
     def begin(self, given: Sequence[float]) -> list[float]:
         """Set the parameters; returns the states at the start."""
         count = len(self.setup["parameters"])
-        values = {
-            **self.setup["constants"],
-            **dict(zip(self.setup["parameters"], given[:count], strict=True)),
-        }
-        self.parameters = Numbers("parameter", values)
+        self._set(given[:count])
         set_to = dict(zip(self.setup["settable"], given[count:], strict=True))
         return [
             start if math.isnan(set_to.get(name, math.nan)) else set_to[name]
             for name, start in zip(self.states, self.starts, strict=True)
         ]
 
+    def _set(self, values: Sequence[float]) -> None:
+        free = dict(zip(self.setup["parameters"], values, strict=True))
+        self.parameters = Numbers("parameter", {**self.setup["constants"], **free})
+
     def inputs(self, values: Sequence[float]) -> Numbers:
-        """The inputs as the functions take them."""
-        return Numbers("input", dict(zip(self.setup["inputs"], values, strict=True)))
+        """The inputs as the functions take them; parameters that follow them are set."""
+        count = len(self.setup["inputs"])
+        if len(values) > count:
+            self._set(values[count:])
+        return Numbers("input", dict(zip(self.setup["inputs"], values[:count], strict=True)))
 
     def rates_at(self, values: Sequence[float], inputs: Numbers) -> list[float]:
         """The rates of the states."""

@@ -48,6 +48,11 @@ class FunctionProgram:
     patience: float = PATIENCE
 
     @property
+    def tunable(self) -> tuple[str, ...]:
+        """All parameters: each call of a function is given them."""
+        return self.parameters
+
+    @property
     def noun(self) -> str:
         """What they are, in messages."""
         return "the functions"

@@ -41,7 +41,7 @@ class Job:
     ----------
     name: the record's, in messages.
     points: (n) increasing, s.
-    drives: (n − 1, inputs) held from each point to the next, SI.
+    drives: (n − 1, inputs) held from each point to the next, SI; or with the tunable parameters.
     parameters: SI, by the program's parameters.
     starts: values of outputs at the start, SI, by the program's outputs; ignored where they cannot be set.
     """

@@ -110,7 +110,8 @@ class ProgramProcess:
         Parameters
         ----------
         points: (n) s, increasing.
-        drives: (n − 1, inputs) or more, held from each point to the next, SI.
+        drives: (n − 1, inputs) or more rows, held from each point to the next, SI; or as many columns more as
+            the program has tunable parameters, which are then set at each point.
         starts: what is set before it begins, SI; NaN where the program's own value is to hold.
         """
         self._send({}, points, drives, starts)

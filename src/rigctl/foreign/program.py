@@ -51,6 +51,11 @@ class Program(Protocol):
         ...
 
     @property
+    def tunable(self) -> Collection[str]:
+        """The parameters that can change during a simulation, in the order of the parameters."""
+        ...
+
+    @property
     def sizes(self) -> Mapping[str, float]:
         """Of each parameter a change that matters, SI."""
         ...

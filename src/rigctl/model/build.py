@@ -18,7 +18,7 @@ from rigctl.engine.system import System, SystemBuilder, after, before
 from rigctl.errors import RigctlError
 from rigctl.model.reading_errors import CalibrationError, true_input
 from rigctl.model.values import choices, parameter_values
-from rigctl.physics.derived_slots import input_slot, per_second
+from rigctl.physics.derived_slots import input_slot, parameter_slot, per_second
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
@@ -89,10 +89,15 @@ def build_system(
     # the equations are in an FMU: it gets the inputs with the effects on them, and its outputs are states
     # whose rate the engine does not know
     if chosen.program is not None:
-        drives = [scope[item.name] + scope.total(input_slot(item.name)) for item in chosen.inputs]
+        drives = [scope[name] + scope.total(input_slot(name)) for name in chosen.program.inputs]
         constants = {one.name: given[one.name] for one in chosen.parameters if one.fixed}
         units = [per_second(state.unit) for state in chosen.states]
-        builder.foreign(chosen.program.with_constants(constants), drives, units)
+        added = {
+            name: term
+            for name in chosen.program.parameters
+            if isinstance(term := scope.total(parameter_slot(name)), Expr)
+        }
+        builder.foreign(chosen.program.with_constants(constants), drives, added, units)
     for output in chosen.outputs:
         if rig is None or output.name in rig.channels:
             builder.output(output.name, output.unit, output.formula(scope))

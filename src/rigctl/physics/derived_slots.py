@@ -7,6 +7,7 @@ w the sum of the effects at a slot:
     ``z = g(...) + w``            at a reading
     ``u_acting = u + w``          at an input, for the equations of the family; effects are given u
     ``t_acting = t + w``          at an input's switches, in seconds
+    ``p_acting = p + w``          at a parameter of a program, whose equations are not seen
 
 The formulas of the family are wrapped, not rewritten, so that they stay what the author wrote. Effects are
 given the commanded u because their own laws are functions of the command; given the acting one, the term at
@@ -47,6 +48,11 @@ def input_slot(name: str) -> str:
 def delay_slot(name: str) -> str:
     """The slot at the switches of the input `name`."""
     return f"{name}_delay"
+
+
+def parameter_slot(name: str) -> str:
+    """The slot at the parameter `name` of a program."""
+    return f"{name}_parameter"
 
 
 def with_derived_slots(family: ModelFamily) -> ModelFamily:
@@ -196,17 +202,27 @@ def _delayed(item: InputVariable) -> InputVariable:
 
 
 def around(program: Program, family: ModelFamily) -> ModelFamily:
-    """`family` with its states computed by `program`, and with slots at its inputs and its readings alone.
+    """`family` with its states computed by `program`, and with slots at its inputs, its readings and the
+    program's parameters alone.
 
     The states are the program's outputs, each with the rate that it has there, and each is read as it is.
     """
-    inputs = tuple(_delayed(item) for item in family.inputs)
-    slots = (*_at_inputs(inputs), *_until_acting(inputs), *_at_readings(family))
+    driving = [item for item in family.inputs if item.name in program.inputs]
+    given = [one for one in family.parameters if one.name in program.parameters]
+    slots = (
+        *_at_inputs(driving),
+        *_until_acting(driving),
+        *_at_readings(family),
+        *(
+            Slot(parameter_slot(one.name), si_unit(one.unit), f"beside what {one.name} is", shown=one.unit)
+            for one in given
+        ),
+    )
     nothing: frozenset[str] = frozenset()
     return replace(
         family,
         states=tuple(replace(one, rate=_Rate(one.name, one.unit)) for one in family.states),
-        inputs=inputs,
+        inputs=tuple(_delayed(item) if item in driving else item for item in family.inputs),
         slots=slots,
         outputs=tuple(
             replace(one, formula=_Plus(_Itself(one.name), reading_slot(one.name), nothing))

@@ -88,7 +88,8 @@ class TooMuchLeft:
 
 @dataclass(frozen=True)
 class OnlyEdgesSearched:
-    """A program computes the model, and an effect at its edges may describe a cause inside.
+    """A program computes the model: an effect at its edges, which are its inputs, outputs and parameters, may
+    describe another cause inside.
 
     Attributes
     ----------

@@ -61,7 +61,7 @@ def reason_text(reason: Reason) -> str:
                 "accounts for"
             )
         case OnlyEdgesSearched():
-            text = f"{edges_text(reason)}: an effect there describes it, and {inside_text(reason)}"
+            text = f"{edges_text(reason)}: one of them describes it, and {inside_text(reason)}"
         case ErrorLeft(share, times):
             text = (
                 f"it leaves {100.0 * share:.0f} % of the error, {times:.2g} times the white "
@@ -112,12 +112,12 @@ def _of_several(reason: MayResemble | WantedElsewhere | OnlyConstants | MayImita
 def edges_text(searched: OnlyEdgesSearched) -> str:
     """Where effects on a model that a program computes were looked for, and why nowhere else."""
     because = f", because {searched.why}" if searched.why else ""
-    return f"only effects at the inputs and outputs of {searched.program} were searched{because}"
+    return f"only effects at inputs, outputs and parameters of {searched.program} were searched{because}"
 
 
 def inside_text(searched: OnlyEdgesSearched) -> str:
     """Where the cause may be all the same."""
-    return f"the cause may be inside {searched.noun}"
+    return f"the cause may be another one inside {searched.noun}"
 
 
 def not_predicted_text(effects: Sequence[str]) -> str:

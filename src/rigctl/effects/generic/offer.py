@@ -11,11 +11,13 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.generic.actuator import at_input, at_switches
 from rigctl.effects.generic.balance import at_balance
 from rigctl.effects.generic.magnitudes import Magnitudes
+from rigctl.effects.generic.parameter import at_parameter
 from rigctl.effects.generic.sensor import at_reading
 from rigctl.effects.generic.slot_roles import (
     Balance,
     Given,
     Late,
+    OfProgram,
     Reading,
     Role,
     UnusableSlot,
@@ -98,6 +100,8 @@ def _at(family: ModelFamily, role: Role, sizes: Magnitudes) -> Iterator[Effect]:
             yield from at_input(family, role, sizes)
         case Late():
             yield from at_switches(family, role, sizes)
+        case OfProgram():
+            yield from at_parameter(family, role, sizes)
         case UnusableSlot():
             return
 
@@ -115,7 +119,8 @@ def _why_not(role: Role) -> str:
         case Given():
             return _why_not_of_input(role)
         case _:
-            return ""
+            fixed = isinstance(role, OfProgram) and not role.tunable
+            return "no drift in time: it cannot change during a simulation" if fixed else ""
 
 
 def _why_not_of_input(role: Given) -> str:

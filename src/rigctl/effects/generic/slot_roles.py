@@ -1,9 +1,10 @@
 """Where family-independent effects may act in a family, derived from its equations.
 
-In: a family. Out: for each slot its role, which is what `balance`, `sensor` and `actuator` need in order to
-write effects there: the rate of one state (with the direction and the gain of a term), a reading, an input,
-or the time of its switches; or the reason why none can act. Each slot is traced through the equations by a
-variable in its place, so that a family of a user's gets a library without declaring what its slots mean.
+In: a family. Out: for each slot its role, which is what `balance`, `sensor`, `actuator` and `parameter` need
+in order to write effects there: the rate of one state (with the direction and the gain of a term), a reading,
+an input, the time of its switches, or a parameter of a program; or the reason why none can act. Each slot is
+traced through the equations by a variable in its place, so that a family of a user's gets a library without
+declaring what its slots mean.
 """
 
 from __future__ import annotations
@@ -16,8 +17,15 @@ from typing import TypeAlias, cast
 from rigctl.engine.symbols import Expr, Graph, Scalar, derivative, evaluate, variables_of
 from rigctl.engine.system import after, before
 from rigctl.errors import RigctlError
-from rigctl.physics.derived_slots import input_slot, kinematics, rate_slot
-from rigctl.physics.family import InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
+from rigctl.physics.derived_slots import input_slot, kinematics, parameter_slot, rate_slot
+from rigctl.physics.family import (
+    InputVariable,
+    ModelFamily,
+    OutputVariable,
+    ParameterDeclaration,
+    Slot,
+    StateVariable,
+)
 from rigctl.physics.scope import Addition, Scope
 from rigctl.physics.si_unit import si_unit
 from rigctl.units import is_speed_of_rotation, parse_unit, show
@@ -135,6 +143,22 @@ class Late:
 
 
 @dataclass(frozen=True)
+class OfProgram:
+    """A slot that adds to a parameter of the program that computes the family's states.
+
+    Attributes
+    ----------
+    size: a change of the parameter that matters, SI.
+    tunable: it can change during a simulation; one that cannot has its mean over each record.
+    """
+
+    slot: Slot
+    parameter: ParameterDeclaration
+    size: float
+    tunable: bool
+
+
+@dataclass(frozen=True)
 class UnusableSlot:
     """A slot where no generic effect can act, and why."""
 
@@ -142,7 +166,7 @@ class UnusableSlot:
     why: str
 
 
-Role: TypeAlias = Balance | Reading | Given | Late | UnusableSlot
+Role: TypeAlias = Balance | Reading | Given | Late | OfProgram | UnusableSlot
 
 
 def slot_roles(family: ModelFamily) -> tuple[Role, ...]:
@@ -237,9 +261,9 @@ class _Probed:
             ]
             delayed = [item for item in late if item.name in self.delays]
             return Late(slot, delayed[0]) if delayed else UnusableSlot(slot, "it delays no input")
-        given = next((item for item in self.family.inputs if input_slot(item.name) == slot.name), None)
-        if given is not None:
-            return Given(slot, given, given.name in self.surroundings)
+        named = self._by_name(slot)
+        if named is not None:
+            return named
         read = [output for output in self.family.outputs if probe in variables_of(self.readings[output.name])]
         # A slot that is found in a reading and in a rate is not an error of the sensor: what it adds moves
         # the process.
@@ -248,6 +272,19 @@ class _Probed:
         if len(states) != 1:
             return UnusableSlot(slot, "it acts on several states" if states else "no equation uses it")
         return self._balance(slot, states[0])
+
+    def _by_name(self, slot: Slot) -> Role | None:
+        """The role of a derived slot of an input, or of a parameter of a program."""
+        for item in self.family.inputs:
+            if input_slot(item.name) == slot.name:
+                return Given(slot, item, item.name in self.surroundings)
+        program = self.family.program
+        if program is None:
+            return None
+        for one in self.family.parameters:
+            if parameter_slot(one.name) == slot.name:
+                return OfProgram(slot, one, program.sizes[one.name], one.name in program.tunable)
+        return None
 
     def _balance(self, slot: Slot, name: str) -> Role:
         # d(ds/dt)/dw. Its sign tells a force from a drag, an inflow from an outflow; its size, e.g. 1/mass or

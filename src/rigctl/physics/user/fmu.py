@@ -2,8 +2,8 @@
 
 In: the family file; of the FMU, only its description is read. Out: a family with a `Program`. The FMU's
 outputs become the family's states, as if each had a rate of its own: what is read of them, and every effect
-on a reading or a command, stays in equations, with their derivatives and units. No slot lies inside the FMU,
-since nothing can be added to equations that are not visible.
+on a reading, a command or a parameter, stays in equations, with their derivatives and units. No other slot
+lies inside the FMU, since nothing can be added to equations that are not visible.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
-class FmuInput(_Part):
-    """An input of the FMU. Its unit is that of `value`."""
+class FmuCondition(_Part):
+    """A quantity with which parameters of the FMU may change, and that it does not have. Its unit is that of
+    `value`."""
 
     value: AnyQuantity = Field(description="what it is when nobody says, with its unit")
-    variable: str = Field(default="", description="the FMU's name of it; by default the same")
     role: Literal["move", "heat", "set_pressure"] | None = Field(
         default=None,
         description="the rig's role whose actuator commands it; else the actuator of its own name does",
@@ -57,6 +57,12 @@ class FmuInput(_Part):
         default=None, description="between two values: the previous one, or a straight line"
     )
     meaning: str = Field(default="", description="what it is")
+
+
+class FmuInput(FmuCondition):
+    """An input of the FMU. Its unit is that of `value`."""
+
+    variable: str = Field(default="", description="the FMU's name of it; by default the same")
 
 
 class FmuParameter(ParameterField):
@@ -91,6 +97,9 @@ class FmuFamilyFile(_Part):
     inputs: dict[BenchName, FmuInput] = Field(default_factory=dict, description="what it is given")
     parameters: dict[Name, FmuParameter] = Field(default_factory=dict, description="what a fit may change")
     outputs: dict[BenchName, FmuOutput] = Field(min_length=1, description="what sensors read")
+    conditions: dict[BenchName, FmuCondition] = Field(
+        default_factory=dict, description="with what parameters may change that the FMU does not have"
+    )
 
 
 def fmu_family(document: Document, taken: Iterable[str]) -> ModelFamily:
@@ -106,6 +115,9 @@ def fmu_family(document: Document, taken: Iterable[str]) -> ModelFamily:
     if written.family in taken:
         error = RigctlError("there is a model family of this name already", value=written.family)
         reader.refuse(("family",), error)
+    for name in written.inputs.keys() & written.conditions.keys():
+        error = RigctlError("an input is a condition for its parameters already", value=name)
+        reader.refuse(("conditions", name), error)
     path = Path(document.path) if document.path else None
     about = reader.read(("fmu",), partial(_described, written.fmu, path))
     reader.stop_at_errors()
@@ -138,14 +150,23 @@ def _connected(reader: Reader, written: FmuFamilyFile, about: Description) -> Fm
     for name, output in written.outputs.items():
         starts[name] = reader.read(("outputs", name, "start_variable"), partial(_start, about, name, output))
     sizes = {name: _size(one) for name, one in written.parameters.items()}
-    return FmuProgram(about.path, digest(about.path), about.kind, **given, sizes=sizes, starts=starts)
+    tunable = tuple(name for name, port in given["parameters"].items() if about.variable(port.name).tunable)
+    return FmuProgram(
+        about.path,
+        digest(about.path),
+        about.kind,
+        **given,
+        sizes=sizes,
+        starts=starts,
+        tunable=tunable,
+    )
 
 
 def _as_equations(written: FmuFamilyFile, about: Description, program: FmuProgram) -> FamilyFile:
     """The same family, as if its equations were in the file."""
     inputs = {
         name: InputField.model_construct(**{**dict(one), "delay": None})
-        for name, one in written.inputs.items()
+        for name, one in (written.inputs | written.conditions).items()
     }
     states = {
         name: StateField.model_construct(
