@@ -61,3 +61,21 @@ def test_importing_a_log_says_how_to_compare_it(tmp_path: Path) -> None:
     told("family", "new", "drive", "--fmu", "motor.fmu", "--csv", "log.csv")
     done = CliRunner().invoke(app, ["import", "log.csv", "--rig", "rigs/drive.yaml"])
     assert "Next: rigctl compare latest --model models/drive.yaml --family motor.fmu" in done.stderr
+
+
+def test_a_design_simulates_it_and_leaves_out_a_sensor_that_it_does_not_have(tmp_path: Path) -> None:
+    run = write_bench(tmp_path)
+    rig = Path("rig.yaml").read_text("utf-8")
+    possible = "could_have:\n  winding: {unit: degC, quantity: temperature, noise: 0.1 K, price: 90 EUR}\n"
+    possible += (
+        "  tachometer: {unit: rad/s, quantity: other, noise: 0.1 rad/s, reads: speed, price: 70 EUR}\n"
+    )
+    Path("rig.yaml").write_text(rig + possible, encoding="utf-8")
+    separate = ("--separate", "drift_of_damping_with_voltage,drift_of_kt_with_voltage")
+    found = answer("design", run, *MODEL, *separate, "--sensors", "--records", "1", "-o", "next.yaml")
+    assert found["records"], found["statement"]
+    assert found["probability"] > found["probability_before"] + 0.2
+    assert {name for one in found["sensors"] for name in one["channels"]} == {"tachometer"}
+    (note,) = (one for one in found["notes"] if one.startswith("winding was not evaluated: "))
+    assert "unknown quantity of the model that the sensor 'winding' could read" in note
+    told("check", "next.yaml", "--rig", "rig.yaml")

@@ -42,7 +42,7 @@ from rigctl.design.rival_models import question_between
 from rigctl.design.rivals import Basis, Question, nothing_left, question_of, require_names
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
-from rigctl.design.sensors import best_sensor, sensor_sets
+from rigctl.design.sensors import best_sensor, sensor_sets, unknown_sensors
 from rigctl.design.table_rows import design_rows
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
@@ -368,7 +368,8 @@ class _Design:
         records = [*self._so_far, *(one.record for one in chosen)]
         sets = sensor_sets(self.criterion, self.equipment, records)
         best = None if result.separable else best_sensor(sets)
-        return replace(result, sensors=sets, sensor=best)
+        unknown = unknown_sensors(self.criterion, self.equipment)
+        return replace(result, sensors=sets, sensor=best, unknown_sensors=unknown)
 
     @property
     def equipment(self) -> Rig:

@@ -277,6 +277,7 @@ class DesignResult:
     sensor: the most useful one if no record reaches a probability of a half, or if requested.
     sensors: every set that was evaluated, the cheapest first.
     sensors_left_out: they were requested, and not evaluated because no rivals are to be distinguished.
+    unknown_sensors: those that some model cannot read, and why.
     sharpened: for aim ``precision``, the parameters.
     of_random: the median worth, as `separation`, of the records with which the search started: any that the
         bench can make, one at a time.
@@ -297,6 +298,7 @@ class DesignResult:
     sensor: SensorSet | None = None
     sensors: tuple[SensorSet, ...] = ()
     sensors_left_out: bool = False
+    unknown_sensors: Mapping[str, str] = field(default_factory=dict)
     sharpened: tuple[PrecisionGain, ...] = ()
     of_random: float = 0.0
     simulated: int | None = None

@@ -48,20 +48,11 @@ def sensor_sets(
     Parameters
     ----------
     records: with their readings in the existing channels.
-
-    Raises
-    ------
-    RigctlError
-        the model lacks the quantity that a sensor is declared to measure.
     """
     # All possible sensors are put on the bench at once, and simulated once with each rival; a set of them is
     # then a choice of rows, whitened in its own noise.
-    families = [rival.fit.problem.model.family for rival in criterion.question.rivals]
-    names = tuple(
-        name
-        for name, sensor in rig.could_have.items()
-        if name not in rig.channels and _is_read_by_all(families, name, sensor)
-    )
+    unknown = unknown_sensors(criterion, rig)
+    names = tuple(name for name in _missing(rig) if name not in unknown)
     if not names:
         return ()
     rivals = [_equipped(rival, rig, names) for rival in criterion.question.rivals]
@@ -75,6 +66,23 @@ def sensor_sets(
         for chosen, indices in _choices(names, present, count)
     ]
     return tuple(sorted(sets, key=lambda one: (one.price is None, one.price or 0.0, one.channels)))
+
+
+def unknown_sensors(criterion: Discrimination, rig: Rig) -> dict[str, str]:
+    """The sensors that the rig could have and some model cannot read, and why: it lacks what they measure."""
+    families = [rival.fit.problem.model.family for rival in criterion.question.rivals]
+    unknown = {}
+    for name, sensor in _missing(rig).items():
+        for family in families:
+            try:
+                _read(family, name, sensor)
+            except RigctlError as error:
+                unknown[name] = str(error)
+    return unknown
+
+
+def _missing(rig: Rig) -> dict[str, PossibleChannel]:
+    return {name: sensor for name, sensor in rig.could_have.items() if name not in rig.channels}
 
 
 def _with_every_sensor(
@@ -233,27 +241,14 @@ def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
     return replace(model, family=replace(model.family, outputs=(*unchanged, *more)))
 
 
-def _is_read_by_all(families: Sequence[ModelFamily], name: str, sensor: PossibleChannel) -> bool:
-    """Whether every model has what a sensor reads; of several models some may lack it.
+def _read(family: ModelFamily, name: str, sensor: PossibleChannel) -> tuple[str, Formula, str]:
+    """Unit, formula and meaning of a sensor's reading.
 
     Raises
     ------
     RigctlError
-        none has it.
+        the family lacks the quantity that it is declared to measure.
     """
-    lacking = []
-    for family in families:
-        try:
-            _read(family, name, sensor)
-        except RigctlError as error:
-            lacking.append(error)
-    if len(lacking) == len(families):
-        raise lacking[0]
-    return not lacking
-
-
-def _read(family: ModelFamily, name: str, sensor: PossibleChannel) -> tuple[str, Formula, str]:
-    """Unit, formula and meaning of a sensor's reading."""
     wanted = sensor.reads or name
     read = {output.name: output for output in family.outputs}
     if wanted in read:  # a second sensor for the same reading

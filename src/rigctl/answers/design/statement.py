@@ -179,7 +179,9 @@ def notes(design: DesignResult) -> list[str]:
     with_each = f"with each of {rivals} rivals" if rivals > 1 else "with it"
     simulated = f"{design.simulated} records were simulated {with_each}"
     no_sensors = "sensors are evaluated only if rivals are to be distinguished"
-    return [simulated, *([no_sensors] if design.sensors_left_out else [])]
+    left_out = [no_sensors] if design.sensors_left_out else []
+    unknown = [f"{name} was not evaluated: {why}" for name, why in design.unknown_sensors.items()]
+    return [simulated, *left_out, *unknown]
 
 
 def summary(design: DesignResult) -> str:
