@@ -22,6 +22,10 @@ import fcntl, sys, termios
 import typer
 from rigctl.cli.question import confirm
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+# otherwise Ctrl-C discards what has been printed and not been read yet, which may be the next question
+settings = termios.tcgetattr(0)
+settings[3] |= termios.NOFLSH
+termios.tcsetattr(0, termios.TCSANOW, settings)
 for _ in range(int(sys.argv[1])):
     try:
         print("answer", confirm("Ready?"), flush=True)

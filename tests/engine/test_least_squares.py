@@ -235,6 +235,22 @@ def test_a_combination_not_determined_by_the_data_is_reported() -> None:
     assert np.isfinite(result.correlation).all()
 
 
+@pytest.mark.parametrize("accuracy", [0.0, 0.02])
+def test_a_combination_is_not_determined_by_the_errors_of_derivatives(accuracy: float) -> None:
+    """Two parameters act alike, and the columns of the two differ by an error of 1 %."""
+    noise = np.random.default_rng(2).standard_normal((2, T.size))
+    columns = np.column_stack([T * (1.0 + 0.01 * noise[0]), T * (1.0 + 0.01 * noise[1]), T**2])
+
+    def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
+        return [Block(T * (shared[0] + shared[1] - 0.5) + T**2 * shared[2], columns)]
+
+    unknowns = [Unknown(name, 0.1) for name in ("one", "other", "third")]
+    result = least_squares(evaluate, unknowns, [()], options=Options(accuracy=lambda: accuracy))
+    assert len(result.weak) == (1 if accuracy else 0)
+    assert np.isinf(result.std[:2]).all() == bool(accuracy)
+    assert np.isfinite(result.std[2])
+
+
 def test_parameters_of_very_different_size_are_fitted_accurately() -> None:
     """A leakage of 1e-15 beside a pressure of 1e6, without loss by rounding."""
     exact = np.array([2.3e-15, 4.5e6, -0.7])

@@ -374,3 +374,28 @@ def test_a_parameter_that_cannot_change_has_the_mean_over_the_record(folder: Pat
     for output in range(2):
         assert apart(slopes[:, output, 0], in_order(right)[:, output, 0]) < 0.01
         assert apart(slopes[:, output, 1], mean * slopes[:, output, 0]) < 0.01
+
+
+#: the accuracy of a solver with a coarse tolerance: the outputs tremble by 0.01 % as parameters change
+COARSE = "(m->k * current * (1.0 + 1e-4 * sin(1e7 * (m->R + m->k + m->b))) - m->b * speed) / m->J"
+
+
+def test_of_a_program_with_a_coarse_tolerance_larger_steps_are_chosen(tmp_path: Path) -> None:
+    motor_fmu(tmp_path / "motor.fmu", acceleration=COARSE)
+    for name, text in {"family": FAMILY, "equations": EQUATIONS, "rig": RIG}.items():
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    for name, family in (("model", "family"), ("written", "equations")):
+        (tmp_path / f"{name}.yaml").write_text(f"model: {family}.yaml\n{MODEL}", encoding="utf-8")
+    allow(digest(tmp_path / "motor.fmu"))
+    through, exact = (compiled(tmp_path, name, {}) for name in ("model", "written"))
+    found, right = (
+        in_order(simulated(one, record(one, shifts=None), *PARAMETERS)) for one in (through, exact)
+    )
+    for column in range(len(PARAMETERS)):
+        for output in range(2):
+            assert apart(found[:, output, column], right[:, output, column]) < 0.05
+    assert through.cascade is not None
+    assert all(step.share > 1.0 for name, step in through.cascade.steps.items() if name in PARAMETERS)
+    # the derivatives are known to this, and what they leave is known no better
+    assert 1e-3 < through.accuracy(PARAMETERS) < 0.2
+    assert exact.accuracy(PARAMETERS) == 0.0

@@ -184,3 +184,52 @@ def test_an_fmu_is_not_taken_for_a_family(tmp_path: Path, command: tuple[str, ..
     assert "an FMU is no family by itself" in said
     assert "expected a family file that names it" in said
     assert "rigctl family new NAME --fmu motor.fmu" in said
+
+
+def test_settings_of_its_solver_are_no_parameters(tmp_path: Path) -> None:
+    """As JModelica and others name them: with an underscore in front."""
+    motor_fmu(Path("motor.fmu"))
+    described(Path("motor.fmu"), {'name="L"': 'name="_cs_rel_tol"', 'name="J"': 'name="plant._internal"'})
+    said = told("family", "new", "drive", "--fmu", "motor.fmu")
+    assert "has settings of its solver, left out: plant._internal, _cs_rel_tol" in " ".join(said.split())
+    assert set(family()["parameters"]) == {"r", "k", "b"}
+
+
+@pytest.mark.parametrize("name", ["speed_start", "speedstart", "speed_0", "speed0"])
+@pytest.mark.parametrize("unit", ["rad/s", "kg.m2"])
+def test_what_sets_an_output_at_the_start_is_no_parameter(tmp_path: Path, name: str, unit: str) -> None:
+    """But one that only sounds like it, and is of another dimension, is."""
+    motor_fmu(Path("motor.fmu"))
+    named = {'name="J"': f'name="{name}"', 'start="2e-4" unit="kg.m2"': f'start="2e-4" unit="{unit}"'}
+    described(Path("motor.fmu"), named)
+    told("family", "new", "drive", "--fmu", "motor.fmu")
+    assert set(family()["parameters"]) == {"r", "k", "b", "l"} | ({name} if unit == "kg.m2" else set())
+
+
+def test_a_column_that_it_does_not_have_is_a_condition_of_its_parameters(tmp_path: Path) -> None:
+    write_bench(tmp_path, resistance=lambda time, volts, winding: 2.0 * (1.0 + 0.004 * (winding - 20.0)))
+    given = ("--fmu", "motor.fmu", "--csv", "log.csv", "--condition", "winding", "--measured", "winding")
+    drafted = answer("family", "new", "drive", *given)
+    roles = {one["name"]: (one["role"], one["origin"]) for one in drafted["columns"]}
+    assert roles["winding"] == ("input", "measured")
+    assert family()["conditions"] == {"winding": {"value": "29.97 degC"}}
+    run = answer("import", "log.csv", "--rig", "rigs/drive.yaml")["run"]
+    fixed = Path("models/drive.yaml").read_text("utf-8")
+    for name in ("j", "l"):
+        fixed = "\n".join(
+            line.replace("fit: true", "fit: false") if line.strip().startswith(f"{name}:") else line
+            for line in fixed.splitlines()
+        )
+    Path("models/drive.yaml").write_text(fixed, encoding="utf-8")
+    found = answer(
+        "diagnose", run, "--model", "models/drive.yaml", "--family", "motor.fmu", "--max-effects", "1"
+    )
+    assert found["effects"] == ["drift_of_r_with_winding"], found["statement"]
+
+
+def test_a_condition_that_is_something_else_is_refused(tmp_path: Path) -> None:
+    write_bench(tmp_path)
+    drafts = ("family", "new", "drive", "--csv", "log.csv")
+    said = refusal(*drafts, "--fmu", "motor.fmu", "--condition", "speed", "--leave", "speed")
+    assert "--condition: the column is something else, too" in said
+    assert "--condition is for the parameters of an FMU" in refusal(*drafts, "--condition", "speed")

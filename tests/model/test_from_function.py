@@ -260,8 +260,9 @@ def test_what_takes_no_symbols_is_called_with_numbers(rates: Callable[..., Any],
     family = family_from_functions("motor", rates, motor_readings, **MOTOR)
     assert family.program is not None
     assert why in family.program.why
-    slots = {slot.name for slot in family.slots}
-    assert slots == {"voltage_input", "voltage_delay", "current_reading", "speed_reading"}
+    edges = {"voltage_input", "voltage_delay", "current_reading", "speed_reading"}
+    parameters = {f"{name}_parameter" for name in ("strength", "resistance", "inductance", "damping")}
+    assert {slot.name for slot in family.slots} == edges | parameters
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import rigctl
+from rigctl.engine.compile import compile_system
+from rigctl.engine.excitation import Excitation
+from rigctl.engine.simulate import simulate
+from rigctl.model.build import build_system
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.python_functions import family_from_functions
 
@@ -266,3 +270,39 @@ def test_functions_that_cannot_be_sent_to_another_process_are_refused() -> None:
         rigctl.RigctlError, match="cannot be sent to the process that calls them with numbers"
     ):
         family(rates)
+
+
+def test_a_lag_of_a_command_has_the_derivative_of_the_equations_beside_a_large_input() -> None:
+    """A step of the lag follows from the voltage alone, and not from the air's 293. With 5 s from sample to
+    sample no node of the means is in the spike that is its derivative at 0."""
+
+    columns = []
+    for rates in (by_a_table, in_symbols):
+        declared = {**DECLARED, "inputs": {"voltage": "0 V", "air": "293"}}
+        declared["parameters"] = {**DECLARED["parameters"], "lag": ("15 s", "0.01 s", "200 s")}
+        family = family_from_functions("motor", _warm(rates), readings, **declared)
+        system = compile_system(build_system(family, {"lag_of_voltage": {"lag": 0.0}}))
+        known = dict(zip(system.system.parameter_names, system.system.nominal, strict=True))
+        excitation = Excitation(
+            5.0 * np.arange(41),
+            5.0 * np.array([0.0, 7.3, 15.6, 28.2]),
+            np.array([[0.0, 293.0], [9.0, 293.0], [-6.0, 293.0], [3.0, 293.0]]),
+            np.zeros(len(system.system.states)),
+            np.array([known[name] for name in system.system.parameter_names]),
+            "one",
+        )
+        found = simulate(system, [excitation], columns=["lag_of_voltage.lag"]).require()
+        columns.append(found.sensitivities[0][:, 0, 0])
+    through, exact = columns
+    assert np.linalg.norm(through - exact) < 0.05 * np.linalg.norm(exact)
+
+
+def _warm(rates: Callable[..., Any]) -> Callable[..., Any]:
+    """The same rates, with a very small effect of the air's temperature."""
+
+    def warm(t: Any, x: Any, u: Any, p: Any) -> Any:
+        found = rates(t, x, u, p)
+        (rate,) = found.values() if isinstance(found, dict) else found
+        return {"speed": rate * (1.0 + 1e-9 * (u.air - 293.0))}
+
+    return warm

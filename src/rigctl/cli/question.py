@@ -58,9 +58,11 @@ def ask(question: str) -> str:
 def _wait_for_line() -> None:
     """Wait until a line can be read without waiting; `KeyboardInterrupt` as soon as Ctrl-C is typed.
 
-    Windows' console is waited for by `readline`, which Ctrl-C interrupts there.
+    Windows' console is waited for by `readline`, which Ctrl-C interrupts there. Of anything but a terminal
+    lines may have been read ahead, for which this would wait in vain.
     """
-    if os.name != "posix" or threading.current_thread() is not threading.main_thread():
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if os.name != "posix" or not in_main_thread or not sys.stdin.isatty():
         return
     import select
 

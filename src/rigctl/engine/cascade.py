@@ -18,7 +18,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -48,13 +48,19 @@ from rigctl.foreign.pool import Job, Pool, pool_of
 #: `rigctl.engine.simulate.simulate`, for the two parts in equations
 Engine: TypeAlias = Callable[..., Trajectories]
 
-#: steps that are tried, as shares of the usual one; two derivatives agree that differ by less than `_AGREE`
-_SMALLER: Final = (1.0, 0.1, 0.01)
+#: pairs of steps that are tried, as shares of the usual one; two derivatives agree that differ by less than
+#: `_AGREE`. Too large a step is off by its curvature, too small a one by the program's own tolerance: where
+#: two agree neither is felt. Of a program with a coarse tolerance only large ones do.
+_PAIRS: Final = ((1.0, 0.1), (0.1, 0.01), (10.0, 1.0), (100.0, 10.0))
 _AGREE: Final = 0.02
+#: steps that are tried alone
+_SMALL: Final = (0.1, 0.01)
 #: one step is enough where its derivative and that by two steps differ by less
 _ALONE: Final = 0.005
 #: the derivatives by two steps, neither of which can be used if they differ by more
 _NO_DERIVATIVE: Final = 0.2
+#: how often a step is corrected by what it does
+_CORRECTIONS: Final = 8
 #: a large step, as a share of the usual one
 _LARGE: Final = 100.0
 #: records on which steps are tried
@@ -609,35 +615,30 @@ class _Cascade:
         courses: Sequence[_Courses],
         read: Trajectories,
     ) -> None:
-        """Choose the steps of a column: the largest that agree with smaller ones, else of the best pair; and
+        """Choose the steps of a column: the larger of the first pair that agree, else of the best pair; and
         one alone, where its derivative is the same."""
 
         def found(step: Step) -> Floats:
             made = self._slopes([(change, step, k) for change, k in pieces], excitations, courses, read)
             return np.concatenate([one.ravel() for one in made])
 
-        tried: list[Floats] = []
-        best = (np.inf, 0)
-        for number, share in enumerate(_SMALLER):
-            tried.append(found(Step(share)))
-            if not number:
-                continue
-            # too large a step is off by its curvature, too small a one by the program's own tolerance: where
-            # two steps agree neither is felt
-            best = min(best, (relative_difference(tried[-1], tried[-2]), number - 1))
+        by = cache(lambda share: found(Step(share)))
+        best = (np.inf, _PAIRS[0])
+        for larger, smaller in _PAIRS:
+            best = min(best, (relative_difference(by(smaller), by(larger)), (larger, smaller)))
             if best[0] < _AGREE:
                 break
-        apart, number = best
+        apart, (larger, smaller) = best
         if name in self.of_program:
             at = [courses[k] for _, k in pieces]
-            self._require_derivative(name, pieces[0][0], (apart, _SMALLER[number]), tried[0], at)
+            self._require_derivative(name, pieces[0][0], (apart, larger), by(1.0), at)
         # Where these records do not show the column, two steps agree about nothing: others may show it.
-        seen = tried[0].any()
-        chosen = Step(_SMALLER[number] if seen else 1.0)
-        for share in _SMALLER[1:] if seen and apart < _AGREE else ():
+        seen = by(1.0).any()
+        chosen = Step(larger, apart=apart) if seen else Step(1.0)
+        for share in _SMALL if seen and apart < _AGREE else ():
             one = found(Step(share, alone=True))
-            if relative_difference(one, tried[number + 1]) < _ALONE:
-                chosen = Step(share, alone=True)
+            if relative_difference(one, by(smaller)) < _ALONE:
+                chosen = Step(share, alone=True, apart=apart)
                 break
         self.cascade.steps[name] = chosen
 
@@ -780,34 +781,59 @@ class _Cascade:
         return Change("parameter", k, self._command_step(name, excitations))
 
     def _command_step(self, name: str, excitations: Sequence[Excitation]) -> float:
-        """The step of a parameter that acts on the drives, or on the program's parameters."""
-        changed = scale = np.zeros(len(self.cascade.commands.system.outputs))
-        some = excitations[:_TRIED]
-        for one in some:
-            (acting,) = self._acting([one])
-            grid = self._grid(one, acting)
-            nodes = self._nodes(one, grid, acting)
-            at = [self._command(one, nodes.times)]
-            found = self.engine(self.cascade.commands, at, columns=[name]).require()
-            share = np.diff(grid)[:, None] / (grid[-1] - grid[0])
-            changed = changed + np.sum(share * np.abs(nodes.means(found.sensitivities[0])[:, :, 0]), axis=0)
-            scale = scale + np.sum(share * np.abs(nodes.means(found.outputs[0])), axis=0)
-        return self._step(changed / len(some), scale / len(some)) or SHARE
+        """The step of a parameter that acts on the drives, or on the program's parameters.
+
+        It follows from their derivatives, and is corrected until it does what it should. The derivative by a
+        lag at 0, for example, is a spike after each switch, which may lie between two nodes.
+        """
+        some = list(excitations[:_TRIED])
+        grids = [self._grid(one, acting) for one, acting in zip(some, self._acting(some), strict=True)]
+        nodes = [
+            self._nodes(one, grid, acting)
+            for one, grid, acting in zip(some, grids, self._acting(some), strict=True)
+        ]
+        change = Change("parameter", self.index[name])
+
+        def found(step: float, *columns: str) -> Trajectories:
+            moved = [change.moved(one, step) for one in some]
+            at = [self._command(one, each.times) for one, each in zip(moved, nodes, strict=True)]
+            return self.engine(self.cascade.commands, at, columns=columns).require()
+
+        def magnitude(values: Sequence[Floats]) -> Floats:
+            """(drives and added) the mean magnitude of courses at the nodes."""
+            each = [
+                np.average(np.abs(one.means(course)), axis=0, weights=np.diff(grid))
+                for one, course, grid in zip(nodes, values, grids, strict=True)
+            ]
+            return np.asarray(np.mean(each, axis=0))
+
+        here = found(0.0, name)
+        scale = magnitude(here.outputs)
+        slopes = [here.sensitivities[k][:, :, 0] for k in range(len(some))]
+        step = self._step(magnitude(slopes), scale) or SHARE
+        for _ in range(_CORRECTIONS):
+            there = found(step)
+            moved = [after - before for after, before in zip(there.outputs, here.outputs, strict=True)]
+            right = self._step(magnitude(moved) / step, scale)
+            if not right or 0.5 * step <= right <= 2.0 * step:
+                break
+            step = right
+        return step
 
     def _step(self, changed: Floats, scale: Floats) -> float:
-        """The step that changes the drives by a share of their mean magnitude, or one of the program's
-        parameters by that share of a change of it that matters, whichever is less; 0 if it changes none.
+        """The largest step that changes no drive by more than a share of its mean magnitude, and none of the
+        program's parameters by more than that share of a change of it that matters; 0 if it changes none.
 
         Parameters
         ----------
         changed, scale: (drives and added) mean magnitudes of the derivatives, and of the values.
         """
-        count = len(self.foreign.drives)
-        driven = float(changed[:count].sum())
-        steps = [SHARE * (float(scale[:count].sum()) or 1.0) / driven] if driven > 0.0 else []
-        for place, slope in zip(self.added, changed[count:].tolist(), strict=True):
-            if slope > 0.0:
-                steps.append(SHARE * self.foreign.program.sizes[self.of_program[place]] / slope)
+        # each by its own, as they have units of their own: an air temperature in K would dwarf any power
+        matters = [one or 1.0 for one in scale[: len(self.foreign.drives)].tolist()]
+        matters += [self.foreign.program.sizes[self.of_program[place]] for place in self.added]
+        steps = [
+            SHARE * size / slope for size, slope in zip(matters, changed.tolist(), strict=True) if slope > 0.0
+        ]
         return min(steps, default=0.0)
 
     def _splines(

@@ -13,7 +13,7 @@ functions; it is two compiled systems around the program (`Cascade`).
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -72,6 +72,12 @@ class CompiledSystem:
     def step_to(self) -> Kernel:
         """The compiled kernel of `kernels.step`, likewise."""
         return kernel("step", width() > 0)
+
+    def accuracy(self, columns: Iterable[str]) -> float:
+        """The relative accuracy of the derivatives by these parameters, as far as they have been made; 0 if
+        they are exact."""
+        steps = {} if self.cascade is None else self.cascade.steps
+        return max((steps[name].apart for name in columns if name in steps), default=0.0)
 
     def __reduce__(self) -> tuple[Callable[..., CompiledSystem], tuple[Any, ...]]:
         if self.cascade is not None:

@@ -28,10 +28,16 @@ _DIGITS: Final = 12
 
 @dataclass(frozen=True)
 class Step:
-    """How a column is differenced: by two steps, this share of the usual ones, or the second alone."""
+    """How a column is differenced: by two steps, this share of the usual ones, or the second alone.
+
+    Attributes
+    ----------
+    apart: by how much the derivatives by two such pairs of steps differed, as a share: their accuracy.
+    """
 
     share: float
     alone: bool = False
+    apart: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True)

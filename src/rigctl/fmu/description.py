@@ -25,7 +25,7 @@ _REAL = ("Real", "Float64")
 #: the base units in which an FMU defines others
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 #: possible names of the variable that sets an output's value at the start
-_STARTS = ("state.{}", "{}_start", "{}_0", "{}")
+_STARTS = ("state.{}", "{}_start", "{}start", "{}_0", "{}0", "{}")
 #: an exponent as Modelica writes it, ``kg.m2``
 _MODELICA = re.compile(r"([A-Za-z])(-?\d+)")
 
@@ -89,11 +89,22 @@ class Description:
         """The names of its inputs or outputs."""
         return [name for name, one in self.variables.items() if one.causality == causality]
 
-    def start_of(self, output: str) -> str | None:
-        """The variable that sets an output's value at the start; None if there is none."""
+    def start_of(self, output: str, unit: str | None = None) -> str | None:
+        """The variable that sets an output's value at the start, by its name; None if there is none.
+
+        Parameters
+        ----------
+        unit: of the output, where the FMU gives none.
+        """
+        known = self.unit(output) if output in self.variables else None
+        if known is None and unit is not None:
+            known = parse_unit(unit)
         for pattern in _STARTS:
             one = self.variables.get(pattern.format(output))
-            if one is not None and one.settable:
+            if one is None or not one.settable:
+                continue
+            own = self.unit(one.name)
+            if own is None or known is None or own.dimension == known.dimension:
                 return one.name
         return None
 

@@ -20,7 +20,7 @@ from rigctl.errors import Location, RigctlError, nearest_name, require_known
 from rigctl.fmu.description import Description, Variable
 from rigctl.physics.formulas import reserved_names
 from rigctl.proposal.columns import Column, Role, Table
-from rigctl.proposal.draft import Draft, Formula, Input, Parameter
+from rigctl.proposal.draft import Draft, Formula, Input, Parameter, amount
 from rigctl.proposal.from_columns import begin
 from rigctl.proposal.propose import Proposal, file_texts, path_of
 from rigctl.proposal.roles import StatedRoles, with_roles
@@ -47,10 +47,12 @@ class Pairs:
     ----------
     variables: the FMU's name by that of the column on the bench.
     near: the columns of another, but a similar name.
+    conditions: the columns that it does not have, and with which its parameters may change.
     """
 
     variables: Mapping[str, str]
     near: frozenset[str] = frozenset()
+    conditions: frozenset[str] = frozenset()
 
     def column_of(self, variable: str, table: Table) -> Column | None:
         """The column that is a variable."""
@@ -70,6 +72,8 @@ _NOTES: Final = {
     "zero": "{fmu} gives 0 for {names}, and not both bounds: fixed until you write bounds in {family}, and "
     "'fit: true' in the model file",
     "scale": "{fmu} does not say which change of {names} matters: write 'scale' in {family}",
+    "settings": "{fmu} has settings of its solver, left out: {names}. What a fit is to change, or what is to "
+    "have another value, needs a line in {family}",
     "no input column": "No column is the input {names}: constant, at the value in {family}",
     "no output column": "No column is the output {names}: not compared",
     "none free": "{fmu} has {names} parameters: none is free until you write 'fit: true' in the model file "
@@ -111,25 +115,37 @@ def variables_of(about: Description) -> dict[str, Role]:
     return roles
 
 
-def pair(table: Table, about: Description, stated: Mapping[str, str], leave: Iterable[str] = ()) -> Pairs:
+def pair(
+    table: Table,
+    about: Description,
+    stated: Mapping[str, str],
+    leave: Iterable[str] = (),
+    conditions: Iterable[str] = (),
+) -> Pairs:
     """The columns that are inputs and outputs of an FMU: as stated, of the same name, or of the nearest one.
 
     Parameters
     ----------
     stated: the FMU's name by that of the column.
     leave: columns that are none.
+    conditions: columns that are none, and with which the FMU's parameters may change.
 
     Raises
     ------
     RigctlError
-        a stated name is unknown, a variable is stated twice, or no column is an output.
+        a stated name is unknown, a variable is stated twice, a condition is said to be something else, or no
+        column is an output.
     """
     roles = variables_of(about)
     require_known(f"--variable: input or output of {about.path.name}", stated.values(), roles)
     found = {table.column(theirs).name: variable for theirs, variable in stated.items()}
     if len(set(found.values())) < len(stated):
         raise RigctlError("--variable: two columns are one variable", value=", ".join(stated.values()))
+    apart = {table.column(theirs).name for theirs in conditions}
     omitted = {table.column(theirs).name for theirs in leave}
+    if twice := apart & (omitted | found.keys()):
+        raise RigctlError("--condition: the column is something else, too", value=min(twice))
+    omitted |= apart
 
     def free() -> tuple[list[Column], dict[str, str]]:
         """The columns and the variables that are left, the latter by their names on a bench."""
@@ -155,7 +171,7 @@ def pair(table: Table, about: Description, stated: Mapping[str, str], leave: Ite
             expected=", ".join(outputs),
             hint=f"--variable {quoted(f'COLUMN={outputs[0]}')} says which column is {outputs[0]}",
         )
-    return Pairs(found, frozenset(near))
+    return Pairs(found, frozenset(near), frozenset(apart))
 
 
 def _may_be(column: Column, about: Description, variable: str) -> bool:
@@ -193,6 +209,10 @@ def with_fmu_roles(table: Table, about: Description, pairs: Pairs, stated: State
     left = {table.column(name).name for name in stated.omitted}
     for column in table.columns:
         variable = pairs.variables.get(column.name)
+        if column.name in pairs.conditions:
+            by_role["input"].append(column.name)
+            reasons[column.name] = f"condition, with which parameters of {about.path.name} may change"
+            continue
         if variable is None:
             by_role["left out"].append(column.name)
             if column.name not in left:
@@ -275,15 +295,29 @@ def _drafted(
             inputs[ours] = _input(one, ours, unit, column)
         else:
             outputs[ours] = _output(one, ours, unit, column, notes)
-    parameters = _parameters(about, names, notes)
+    conditions = {
+        column.name: {"value": _typical(column)}
+        for column in table.columns
+        if column.name in pairs.conditions
+    }
+    parameters = _parameters(about, {**names, **dict.fromkeys(conditions, "")}, notes)
     draft = Draft(
         title=f"The model {about.path.name}",
         equations=(),
-        inputs={ours: Input(fields["value"], fields["meaning"]) for ours, fields in inputs.items()},
+        inputs={
+            ours: Input(fields["value"], fields.get("meaning", ""))
+            for ours, fields in (inputs | conditions).items()
+        },
         outputs={ours: Formula(fields["unit"], ours) for ours, fields in outputs.items()},
         parameters={ours: one for ours, (_, one) in parameters.items()},
     )
-    return draft, [*_family(name, about, fmu, inputs, parameters, outputs)]
+    return draft, [*_family(name, about, fmu, inputs, conditions, parameters, outputs)]
+
+
+def _typical(column: Column) -> str:
+    """A value to count from: the median of the column."""
+    present = column.values[np.isfinite(column.values)]
+    return amount(float(np.median(present)) if present.size else column.display.offset, column.unit)
 
 
 def _input(one: Variable, ours: str, unit: str, column: Column | None) -> dict[str, str]:
@@ -320,6 +354,9 @@ def _parameters(
     found = dict[str, tuple[str, Parameter]]()
     wanted = [about.variable(name) for name in about.named("parameter") if name not in starts]
     for one in (one for one in wanted if one.settable):
+        if one.name.rpartition(".")[2].startswith("_"):  # as tools name what is none of the model
+            notes.add("settings", one.name)
+            continue
         unit = _unit(about, one.name, None, notes.add)
         if unit is None:
             continue
@@ -406,6 +443,7 @@ def _family(
     about: Description,
     fmu: str,
     inputs: Mapping[str, Mapping[str, str]],
+    conditions: Mapping[str, Mapping[str, str]],
     parameters: Mapping[str, tuple[str, Parameter]],
     outputs: Mapping[str, Mapping[str, str]],
 ) -> Iterator[str]:
@@ -418,6 +456,11 @@ def _family(
         "inputs",
         "What is commanded, or measured and given from outside: a channel or an actuator of the same name.",
         inputs,
+    )
+    yield from part(
+        "conditions",
+        "What is measured and no variable of the FMU, and with which its parameters may change.",
+        conditions,
     )
     yield from part(
         "parameters",

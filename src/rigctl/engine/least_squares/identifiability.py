@@ -50,7 +50,12 @@ def null_columns(blocks: Sequence[Block], names: Sequence[str]) -> tuple[str, ..
 
 
 def weak_combinations(
-    matrix: Floats, norms: Floats, names: Sequence[str], sizes: Floats | None = None
+    matrix: Floats,
+    norms: Floats,
+    names: Sequence[str],
+    sizes: Floats | None = None,
+    *,
+    least: float = WEAK,
 ) -> tuple[Floats, tuple[Combination, ...]]:
     """Singular values of the shared parameters' columns, and the combinations that are too weak.
 
@@ -59,6 +64,7 @@ def weak_combinations(
     matrix: (rows, p) with the records' own parameters projected out.
     norms: (p) lengths of the columns before that, to which they are scaled.
     sizes: (p) by which the columns of `matrix` were divided already; 1 by default.
+    least: a combination with a smaller singular value than this share of the largest is too weak.
 
     G. H. Golub, C. F. Van Loan, Matrix Computations, 5.5.7 (subset selection by SVD).
     """
@@ -73,7 +79,7 @@ def weak_combinations(
     weak = []
     for index in range(values.size):
         share = values[index] / largest
-        if share < WEAK:
+        if share < least:
             parts = _parts(directions[index], names)
             changes = tuple(
                 (name, float(share / size))

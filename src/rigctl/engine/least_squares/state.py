@@ -9,7 +9,7 @@ the state before it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -33,6 +33,10 @@ _SHORTER = 0.5  # a step after a rejected one is at most this long, relative to 
 STRETCHED = 1.4  # ratio of the actual to the expected decrease above which a longer step is tried
 
 
+def _exact() -> float:
+    return 0.0
+
+
 @dataclass(frozen=True)
 class Options:
     """When a fit ends.
@@ -47,6 +51,7 @@ class Options:
         lower the cost as expected, it may grow to four times that.
     rival: a cost already reached by another fit: far above it, this fit ends when a step is not expected to
         reduce the difference by a hundredth.
+    accuracy: of the derivatives, asked at the end: no combination is determined that has less effect.
     """
 
     cost: float = 1e-9
@@ -55,6 +60,7 @@ class Options:
     iterations: int = 100
     largest_step: float = 0.3
     rival: float = math.inf
+    accuracy: Callable[[], float] = _exact
 
 
 @dataclass(frozen=True)

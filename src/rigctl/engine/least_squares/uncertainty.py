@@ -36,12 +36,14 @@ def conclude(
 ) -> LeastSquaresResult:
     """The result of a fit that ended at an iterate."""
     unknowns, point = at.task.unknowns, at.point
-    linear = _Linearised.at(at.arrow, unknowns, at.task.local, point)
+    accuracy = at.task.options.accuracy()
+    linear = _Linearised.at(at.arrow, unknowns, at.task.local, point, accuracy)
     values, weak = weak_combinations(
         linear.factors.matrix,
         np.ones(len(linear.names)),
         linear.names,
         linear.size.shared[linear.chosen],
+        least=max(WEAK, accuracy),
     )
     singular = np.zeros(len(unknowns))
     singular[linear.chosen] = values
@@ -119,6 +121,7 @@ class _Linearised:
     mask: 1 for an unknown inside its bounds, 0 for one held at one; `chosen` that of the shared ones.
     names: of the chosen ones.
     factors: the triangle of the chosen ones, with their priors.
+    accuracy: of the derivatives, as a share.
     """
 
     size: Vector
@@ -126,10 +129,16 @@ class _Linearised:
     chosen: NDArray[np.bool_]
     names: list[str]
     factors: Factors
+    accuracy: float
 
     @classmethod
     def at(
-        cls, arrow: Arrow, unknowns: Sequence[Unknown], local: Sequence[Sequence[Unknown]], point: Vector
+        cls,
+        arrow: Arrow,
+        unknowns: Sequence[Unknown],
+        local: Sequence[Sequence[Unknown]],
+        point: Vector,
+        accuracy: float = 0.0,
     ) -> _Linearised:
         # each column of length 1, so that singular values compare directions and not units; no damping, and
         # only what lies inside its bounds
@@ -142,12 +151,12 @@ class _Linearised:
         factors = eliminate(arrow.scaled(size), point.like(weight / scale), nothing, mask, nothing)
         chosen = mask.shared.astype(bool)
         names = [unknown.name for unknown, one in zip(unknowns, chosen, strict=True) if one]
-        return cls(size, mask, chosen, names, factors)
+        return cls(size, mask, chosen, names, factors, accuracy)
 
     @cached_property
     def inverse(self) -> Floats:
         """The covariance of the chosen unknowns, in variables of size 1."""
-        return _inverse(self.factors.matrix)
+        return _inverse(self.factors.matrix, self.accuracy)
 
     @property
     def covariance(self) -> Floats:
@@ -165,17 +174,22 @@ def _free(everyone: Sequence[Unknown], values: Floats) -> Floats:
     return np.array(inside, dtype=float)
 
 
-def _inverse(matrix: Floats) -> Floats:
-    """``(MᵀM)⁻¹``; infinite on the diagonal for parameters in a combination without any effect."""
+def _inverse(matrix: Floats, accuracy: float = 0.0) -> Floats:
+    """``(MᵀM)⁻¹``; infinite on the diagonal for parameters in a combination without any effect.
+
+    Parameters
+    ----------
+    accuracy: relative error of M, below which an effect is none.
+    """
     count = matrix.shape[1]
     if not count:
         return np.empty((0, 0))
-    # directions whose singular value is rounding have no effect on any residual: what lies in one of them is
+    # directions whose singular value is an error have no effect on any residual: what lies in one of them is
     # not determined, and said to be so instead of being given a number
     _, values, directions = np.linalg.svd(matrix, full_matrices=True)
     padded = np.zeros(count)
     padded[: values.size] = values
-    determined = padded > _ROUNDING * max(1, matrix.shape[0]) * (padded.max() or 1.0)
+    determined = padded > max(accuracy, _ROUNDING * max(1, matrix.shape[0])) * (padded.max() or 1.0)
     scaled = directions[determined] / padded[determined][:, None]
     inverse: Floats = scaled.T @ scaled
     lost = np.square(directions[~determined]).sum(axis=0) > WEAK

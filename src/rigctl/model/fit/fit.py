@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -278,7 +278,9 @@ def fit(
     """
     # noise may be a share of the value, and scatter of switches and noise of inputs act as the model
     # predicts: they are known only after a fit, whose values are where the second one starts
-    options = Options(cost=cost, largest_step=largest_step, rival=rival)
+    names = [unknown.name for unknown in problem.shared]
+    accuracy = partial(problem.compiled.accuracy, names)
+    options = Options(cost=cost, largest_step=largest_step, rival=rival, accuracy=accuracy)
     plan = _Plan(refit, starts, seed, options, progress)
     result = _fit(problem, hold_out, plan, local)
     better = _with_noise_of(problem, result)

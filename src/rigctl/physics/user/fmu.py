@@ -83,7 +83,7 @@ class FmuOutput(_Part):
     start_variable: str | None = Field(
         default=None,
         description="the FMU's variable that sets its value at the start; by default 'state.NAME', "
-        "'NAME_start', 'NAME_0' or the output itself, as far as they can be set",
+        "'NAME_start', 'NAMEstart', 'NAME_0', 'NAME0' or the output itself, as far as they can be set",
     )
     meaning: str = Field(default="", description="what it is")
 
@@ -238,5 +238,5 @@ def _port(about: Description, causality: str, variable: str, unit: str) -> Port:
 
 
 def _start(about: Description, name: str, one: FmuOutput) -> Port | None:
-    variable = one.start_variable or about.start_of(one.variable or name)
+    variable = one.start_variable or about.start_of(one.variable or name, one.unit)
     return None if variable is None else _port(about, "parameter", variable, one.unit)

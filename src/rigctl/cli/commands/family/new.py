@@ -84,6 +84,14 @@ def new(
             help="Input or output of the FMU that a column is, where their names differ; repeatable.",
         ),
     ] = None,
+    condition: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="COLUMN",
+            help="Column with which parameters of the FMU may change, and that the FMU does not have; "
+            "repeatable.",
+        ),
+    ] = None,
     inputs: Annotated[
         list[str] | None,
         typer.Option("--input", metavar="COLUMN", help="Column that is an input; repeatable."),
@@ -162,7 +170,9 @@ def new(
         )
     if template is not None:
         find_template(template)
-    _refuse_contradictions(fmu, {"--template": template, "--input": inputs, "--output": outputs}, variable)
+    _refuse_contradictions(
+        fmu, {"--template": template, "--input": inputs, "--output": outputs}, variable, condition
+    )
     called = _name(name)
     # The log is read by a function that is given the units, because an FMU may state those that the log
     # does not.
@@ -182,7 +192,10 @@ def new(
     if fmu is not None:
         variables = read_assignments(variable or (), "--variable")
         _finish(
-            _of_fmu(called, find_file(fmu), reading, units, stated, variables), "", fit=False, as_json=as_json
+            _of_fmu(called, find_file(fmu), reading, units, stated, variables, condition or ()),
+            "",
+            fit=False,
+            as_json=as_json,
         )
         return
     # Without an FMU: what each column is, then equations that fit these columns.
@@ -213,11 +226,16 @@ def _finish(proposal: Proposal, options: str, *, fit: bool, as_json: bool) -> No
 
 
 def _refuse_contradictions(
-    fmu: Path | None, without: Mapping[str, object], variable: Sequence[str] | None
+    fmu: Path | None,
+    without: Mapping[str, object],
+    variable: Sequence[str] | None,
+    condition: Sequence[str] | None,
 ) -> None:
     """Refuse options that an FMU makes void, and those that need one."""
     if fmu is None and variable:
         raise RigctlError("--variable is for the variables of an FMU", expected="--fmu FILE")
+    if fmu is None and condition:
+        raise RigctlError("--condition is for the parameters of an FMU", expected="--fmu FILE")
     for option, given in without.items():
         if fmu is not None and given:
             raise RigctlError(
@@ -233,6 +251,7 @@ def _of_fmu(
     units: Mapping[str, str],
     stated: StatedRoles,
     variables: Mapping[str, str],
+    conditions: Sequence[str],
 ) -> Proposal:
     """The draft for an FMU; `reading` reads the log, with the units of columns that state none."""
     from rigctl.fmu.description import read_description
@@ -247,7 +266,7 @@ def _of_fmu(
         table, pairs = table_of_fmu(about)
         return propose_fmu(name, about, written, table, pairs)
     table = reading(units)
-    pairs = pair(table, about, variables, stated.omitted)
+    pairs = pair(table, about, variables, stated.omitted, conditions)
     # Read once more with the units of the FMU, where the log states none; those of the user come first.
     own = units_from(table, about, pairs)
     if own:
