@@ -29,9 +29,10 @@ imports: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 
 # One more than the two cores it is meant for: some tests wait for a process or a line, and leave their core to others.
+# One or two that fail are repeated alone: what passes then is named at the end, and does not stop everything else.
 WORKERS ?= 3
 unit: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+	$(BIN)/python tools/run_tests.py -n $(WORKERS) --dist worksteal
 
 # Debian packages that the tests use: a browser to open the report in, an emulator of the board's microcontroller
 # and the compiler for its program, an MQTT broker. Elsewhere: install Chromium, simavr, avr-gcc, Mosquitto by hand.
