@@ -12,8 +12,13 @@ import pytest
 from commands import answer, refusal, told
 from fmu.motor_bench import write_bench
 from foreign_fmus import lag_fmu
+from rigctl.engine.compile import compile_system
+from rigctl.fmu.archive import digest
 from rigctl.fmu.description import read_description
 from rigctl.fmu.process import FmuProcess
+from rigctl.fmu.program import allow
+from rigctl.model import load_model
+from rigctl.model.build import build_system
 from systems import needs_compiler
 
 pytestmark = needs_compiler
@@ -75,7 +80,10 @@ def test_a_drift_in_time_is_found_added_and_fitted(tmp_path: Path, version: str)
     assert [one["effect"] for one in shown["effects"]] == ["drift_of_resistance_in_time"]
     values = {one["name"]: one["value"] for one in shown["parameters"]}
     assert values["drift_of_resistance_in_time.rate"] == pytest.approx(0.8, rel=0.1)
-    assert values["resistance"] == pytest.approx(2.0, rel=0.01)
+    # of the middle of the records, from which the drift counts
+    origin = values["drift_of_resistance_in_time.origin"]
+    assert origin == pytest.approx(0.295)
+    assert values["resistance"] == pytest.approx(2.0 + 0.8 * origin, rel=0.01)
     (model,) = answer("compare", run, *MODEL)["models"]
     assert model["adequate"]
 
@@ -85,6 +93,58 @@ def test_without_a_drift_none_is_named(tmp_path: Path, variability: str) -> None
     run = write_bench(tmp_path, resistance=constant, variability=variability)
     found = answer("diagnose", run, *MODEL, "--max-effects", "1")
     assert (found["verdict"], found["effects"]) == ("adequate", []), found["statement"]
+
+
+def test_another_value_of_a_parameter_that_is_held_is_no_drift(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The winding always has 45 degC, and the resistance is held at 1.8 ohm in place of 2."""
+    monkeypatch.setattr("fmu.motor_bench.WINDINGS", (45.0,) * 5)
+    run = write_bench(tmp_path, resistance=constant)
+    model = Path("model.yaml").read_text("utf-8")
+    held = model.replace("{value: 1.8 ohm, fit: true}", "{value: 1.8 ohm, fit: false}")
+    Path("model.yaml").write_text(held, encoding="utf-8")
+    found = answer("diagnose", run, *MODEL, "--max-effects", "1")
+    assert found["verdict"] != "adequate", found["statement"]
+    assert not any("with_winding" in name for name in found["effects"]), found["statement"]
+
+
+@pytest.mark.parametrize("variability", ["fixed", "tunable"])
+def test_a_drift_keeps_a_parameter_within_its_bounds(tmp_path: Path, variability: str) -> None:
+    """A motor without damping, whose FMU has none to give for a negative one."""
+    faulty = "(m->k * current - (m->b < 0.0 ? NAN : m->b) * speed) / m->J"
+    run = write_bench(
+        tmp_path,
+        inside=lambda speed: 1e-4 * speed,
+        resistance=constant,
+        acceleration=faulty,
+        variability=variability,
+    )
+    found = answer("diagnose", run, *MODEL, "--max-effects", "1")
+    assert found["effects"] == [], found["statement"]
+
+
+@pytest.mark.parametrize("windings", [(20.0, 20.0, 45.0, 60.0, 30.0), (45.0, 60.0, 30.0, 20.0, 20.0)])
+def test_the_order_of_the_records_does_not_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, windings: tuple[float, ...]
+) -> None:
+    """Not even if the first ones are at the family's own value of the condition, where nothing drifts."""
+    monkeypatch.setattr("fmu.motor_bench.WINDINGS", windings)
+    run = write_bench(tmp_path, resistance=warm)
+    found = answer("diagnose", run, *MODEL, "--max-effects", "1")
+    assert found["effects"] == ["drift_of_resistance_with_winding"], found["statement"]
+
+
+def test_what_is_added_to_another_parameter_is_another_system(tmp_path: Path) -> None:
+    """By the digest of a system results of earlier commands are found."""
+    write_bench(tmp_path, resistance=constant)
+    allow(digest(Path("motor.fmu")))
+    model = load_model("model.yaml")
+    digests = set()
+    for name in ("resistance", "kt", "damping"):
+        effect = {f"drift_of_{name}_with_voltage": {"slope": 0.0}}
+        digests.add(compile_system(build_system(model.family, effect, model.rig)).source.digest)
+    assert len(digests) == 3
 
 
 def test_which_drifts_are_looked_for_is_listed(tmp_path: Path) -> None:
@@ -130,17 +190,28 @@ def test_an_effect_on_a_parameter_that_depends_on_an_output_is_refused(tmp_path:
     assert "effects on its inputs and parameters that use inputs alone" in said
 
 
-def test_a_condition_that_is_an_input_already_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "voltage: {value: 0 V}",
+            "drifts with the inputs of the FMU are looked for without this, got 'voltage'",
+        ),
+        ("speed: {value: 0 rad/s}", "an output has this name already, got 'speed'"),
+        ("kt: {value: 0 N*m/A}", "a parameter has this name already, got 'kt'"),
+    ],
+)
+def test_a_condition_that_is_something_else_is_refused_at_its_line(
+    tmp_path: Path, name: str, message: str
+) -> None:
     run = write_bench(tmp_path, resistance=constant)
-    family = (
-        Path("family.yaml")
-        .read_text("utf-8")
-        .replace("  winding: {", "  voltage: {value: 0 V}\n  winding: {")
-    )
-    Path("family.yaml").write_text(family, encoding="utf-8")
+    lines = Path("family.yaml").read_text("utf-8").splitlines()
+    at = lines.index("conditions:")
+    lines.insert(at + 1, f"  {name}")
+    Path("family.yaml").write_text("\n".join(lines), encoding="utf-8")
     said = refusal("compare", run, *MODEL)
-    assert "family.yaml" in said
-    assert "an input is a condition for its parameters already" in said
+    assert f"family.yaml:{at + 2}:" in said
+    assert message in said
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def test_an_effect_at_its_edge_is_found_and_not_called_certain(tmp_path: Path) -
     assert "nly effects at inputs, outputs and parameters of motor.fmu were searched" in found["statement"]
     assert not any(one["place"]["sure"] for one in found["levels"])
     said = told("diagnose", run, "--model", "model.yaml", "--family", "motor.fmu", "--max-effects", "1")
-    assert "the cause may be another one inside the FMU" in " ".join(said.split())
+    assert "the cause may be something else inside the FMU" in " ".join(said.split())
     size = found["ranking"][0]["parameters"]["size"]
     assert size["value"] == pytest.approx(4.0, abs=3.0 * size["std"])
 

@@ -164,7 +164,7 @@ def test_an_effect_at_an_edge_is_found_and_the_answer_says_what_was_searched(tmp
         "nly effects at inputs, outputs and parameters of motor were searched, because they take no symbols"
     )
     assert edges in found.statement
-    assert "the cause may be another one inside the functions" in found.statement
+    assert "the cause may be something else inside the functions" in found.statement
     assert not any(one.place_sure for one in found.levels)
 
 

@@ -399,7 +399,7 @@ def _slots(model: ModelComparison) -> list[Block]:
     program = model.fit.problem.model.family.program
     which = "equation lacks a term"
     if program is not None:
-        which = f"edge of {program.noun} may lack a term, if none inside does"
+        which = f"input or output of {program.noun} may lack a term, if nothing inside does"
     return [Bars(f"which {which}, log-evidence", bars)]
 
 
@@ -419,7 +419,7 @@ def _wanted(model: ModelComparison) -> str:
     family = model.fit.problem.model.family
     places = [place_in_words(one.slot, family) for one in (known[0], *near)]
     if family.program is not None:
-        places.append(f"inside {family.program.name}, where nothing is looked for")
+        places.append(f"inside {family.program.name}")
     return f"a term: {'; or '.join(places)}"
 
 

@@ -453,7 +453,7 @@ def _searched(diagnosis: Diagnosis) -> str:
     if program is None:
         return ""
     where = f"only at inputs, outputs and parameters of {program.name}"
-    return f"{where}; the cause may be another one inside {program.noun}"
+    return f"{where}; the cause may be something else inside {program.noun}"
 
 
 def _certain(diagnosis: Diagnosis) -> str:

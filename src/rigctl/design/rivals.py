@@ -388,8 +388,10 @@ def at_usual_size(before: ModelComparison, name: str) -> RefittedSet | None:
     Unknowns that the fit left out because they act on no measurement keep the model's values. None if the
     model cannot be simulated there.
     """
-    candidate = {one.name: one for one in reversed(_candidates(before))}[name]
     fitted = before.fit
+    # those that the data so far cannot show at all, a drift with what never varied, come last
+    every = [*_candidates(before), *candidates(fitted.problem.model, before.excluded)]
+    candidate = {one.name: one for one in reversed(every)}[name]
     sizes = {column.partition(".")[2]: candidate.parameter(column).start for column in candidate.columns}
     shapes = {column.partition(".")[2]: value for column, value in candidate.shapes.items()}
     try:

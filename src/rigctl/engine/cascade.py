@@ -183,6 +183,37 @@ class _Courses:
         return np.asarray(right - nearer)
 
 
+@dataclass(frozen=True)
+class _Commanded:
+    """What records are given, to find a step that changes it by as much as it should.
+
+    Attributes
+    ----------
+    held: (drives and added) whether it has one value over a record, which is its mean.
+    simulated: the courses of moved records at the nodes, with derivatives by these parameters.
+    """
+
+    excitations: Sequence[Excitation]
+    grids: Sequence[Floats]
+    nodes: Sequence[Nodes]
+    held: np.ndarray
+    simulated: Callable[..., Trajectories]
+
+    def found(self, step: float, index: int, *columns: str) -> Trajectories:
+        """The courses with a parameter moved by a step."""
+        change = Change("parameter", index)
+        return self.simulated([change.moved(one, step) for one in self.excitations], *columns)
+
+    def magnitudes(self, courses: Sequence[Floats]) -> Floats:
+        """(records, drives and added) the mean magnitude in each record."""
+        each = []
+        for nodes, course, grid in zip(self.nodes, courses, self.grids, strict=True):
+            means, weights = nodes.means(course), np.diff(grid)
+            whole = np.abs(np.average(means, axis=0, weights=weights))
+            each.append(np.where(self.held, whole, np.average(np.abs(means), axis=0, weights=weights)))
+        return np.array(each)
+
+
 class _Cascade:
     def __init__(
         self, system: System, foreign: Foreign, cascade: Cascade, columns: Columns, engine: Engine
@@ -207,10 +238,12 @@ class _Cascade:
         self.late_alone = self.of_delays - others if single else set()
         self.of_program = tuple(foreign.program.parameters)
         self.at_parameters = [self.index[name] for name in self.of_program]
-        self.added = [self.of_program.index(name) for name, _ in foreign.added]
+        self.added = [self.of_program.index(one.parameter) for one in foreign.added]
         self.tunable = [self.of_program.index(name) for name in foreign.program.tunable]
         self.at_responses = [system.state_names.index(name) for name in foreign.responses]
         self.settable = set(foreign.program.settable)
+        #: of columns whose steps have just been sized, the records on which they are tried
+        self.tried: dict[str, list[int]] = {}
 
     def simulate(self, excitations: Sequence[Excitation]) -> Trajectories:
         # the drives, the program, and what is read of it, with the exact derivatives of the readings
@@ -380,11 +413,14 @@ class _Cascade:
         given, added = np.hsplit(drives, [len(self.foreign.drives)])
         parameters = excitation.parameters[self.at_parameters]
         changing = np.tile(parameters[self.tunable], (len(given), 1))
-        for place, term in zip(self.added, added.T, strict=True):
+        # within the parameter's bounds: no drift makes a friction negative
+        for place, one, term in zip(self.added, self.foreign.added, added.T, strict=True):
             if place in self.tunable:
-                changing[:, self.tunable.index(place)] += term
+                column = self.tunable.index(place)
+                changing[:, column] = np.clip(changing[:, column] + term, one.low, one.high)
             else:
-                parameters[place] += np.average(term, weights=np.diff(grid))
+                mean = float(np.average(term, weights=np.diff(grid)))
+                parameters[place] = min(max(parameters[place] + mean, one.low), one.high)
         # a program whose parameters are constant is simulated as without effects on them
         if (changing != parameters[self.tunable]).any():
             given = np.hstack([given, changing])
@@ -537,7 +573,8 @@ class _Cascade:
             return
         late = [name for name in self.columns.parameters if name in self.late_alone]
         through = self._through()
-        changes = {name: self._change(name, [excitations[k] for k in good]) for name in through}
+        self._size_steps([name for name in through if self._commands(name)], excitations, good)
+        changes = {name: self._change(name, excitations[good[0]]) for name in through}
         pieces = [(name, changes[name], k) for name in through for k in good]
         # Whatever moves switches has the derivatives by their times: what moves some of them alike moves a
         # group. A delay of all commands is then exactly what the logger's delays are together.
@@ -557,7 +594,8 @@ class _Cascade:
         for (name, change, k), slope in zip(pieces, found, strict=True):
             if name == _SWITCHES:
                 slopes[k][:, :, at] += slope[:, :, None] * groups[k][1][change.index]
-            else:
+            elif np.isfinite(slope).all() or not self._commands(name):
+                # an effect with which the program fails at the least step shows nothing, and is not tested
                 slopes[k][:, :, places[name]] += slope
 
     def _through(self) -> list[str]:
@@ -576,13 +614,13 @@ class _Cascade:
         read: Trajectories,
     ) -> list[Floats]:
         """(samples, outputs) the derivative of each piece: a column, its change, a record."""
-        # the step of a column is chosen once for each model, on the first records in which it moves something
-        # (decision 197)
+        # the step of a column is chosen once for each model, on the first records in which it moves
+        # something, or on those in which it changes what the program is given most (decision 197)
         steps = self.cascade.steps
         for name in dict.fromkeys(name for name, _, _ in pieces):
             if name not in steps:
                 mine = [(change, k) for each, change, k in pieces if each == name]
-                some = list(dict.fromkeys(k for _, k in mine))[:_TRIED]
+                some = self.tried.get(name) or list(dict.fromkeys(k for _, k in mine))[:_TRIED]
                 self._try_steps(name, [one for one in mine if one[1] in some], excitations, courses, read)
         return self._slopes(
             [(change, steps[name], k) for name, change, k in pieces], excitations, courses, read
@@ -767,7 +805,11 @@ class _Cascade:
             where.append(equal[0])
         return where
 
-    def _change(self, name: str, excitations: Sequence[Excitation]) -> Change:
+    def _commands(self, name: str) -> bool:
+        """Whether it acts on what the program is given alone, otherwise than by the times of commands."""
+        return name not in self.settable and name not in self.of_program and name not in self.of_delays
+
+    def _change(self, name: str, excitation: Excitation) -> Change:
         """How a column is differenced."""
         if name in self.settable:
             k = self.system.state_names.index(name)
@@ -777,48 +819,56 @@ class _Cascade:
             kept = name not in self.of_commands
             return Change("parameter", k, SHARE * self.foreign.program.sizes[name], keeps_drives=kept)
         if name in self.of_delays:
-            return Change("parameter", k, MOVED * interval_of(excitations[0]))
-        return Change("parameter", k, self._command_step(name, excitations))
+            return Change("parameter", k, MOVED * interval_of(excitation))
+        return Change("parameter", k, self.cascade.sizes[name])
 
-    def _command_step(self, name: str, excitations: Sequence[Excitation]) -> float:
-        """The step of a parameter that acts on the drives, or on the program's parameters.
+    def _size_steps(
+        self, names: Sequence[str], excitations: Sequence[Excitation], good: Sequence[int]
+    ) -> None:
+        """Choose the usual steps of columns that have none yet, and the records on which steps are tried."""
+        new = [name for name in names if name not in self.cascade.sizes]
+        if not new:
+            return
+        commanded = self._commanded([excitations[k] for k in good])
+        for name in new:
+            step, shown = self._command_step(name, commanded)
+            self.cascade.sizes[name] = step
+            most = np.argsort(-shown, kind="stable")[:_TRIED]
+            self.tried[name] = [good[k] for k in most.tolist()]
+
+    def _command_step(self, name: str, commanded: _Commanded) -> tuple[float, Floats]:
+        """The step of a parameter that acts on the drives, or on the program's parameters, and how much it
+        changes in each record.
 
         It follows from their derivatives, and is corrected until it does what it should. The derivative by a
         lag at 0, for example, is a spike after each switch, which may lie between two nodes.
         """
-        some = list(excitations[:_TRIED])
-        grids = [self._grid(one, acting) for one, acting in zip(some, self._acting(some), strict=True)]
-        nodes = [
-            self._nodes(one, grid, acting)
-            for one, grid, acting in zip(some, grids, self._acting(some), strict=True)
-        ]
-        change = Change("parameter", self.index[name])
-
-        def found(step: float, *columns: str) -> Trajectories:
-            moved = [change.moved(one, step) for one in some]
-            at = [self._command(one, each.times) for one, each in zip(moved, nodes, strict=True)]
-            return self.engine(self.cascade.commands, at, columns=columns).require()
-
-        def magnitude(values: Sequence[Floats]) -> Floats:
-            """(drives and added) the mean magnitude of courses at the nodes."""
-            each = [
-                np.average(np.abs(one.means(course)), axis=0, weights=np.diff(grid))
-                for one, course, grid in zip(nodes, values, grids, strict=True)
-            ]
-            return np.asarray(np.mean(each, axis=0))
-
-        here = found(0.0, name)
-        scale = magnitude(here.outputs)
-        slopes = [here.sensitivities[k][:, :, 0] for k in range(len(some))]
-        step = self._step(magnitude(slopes), scale) or SHARE
+        here = commanded.found(0.0, self.index[name], name)
+        scale = commanded.magnitudes(here.outputs).max(axis=0)
+        slopes = commanded.magnitudes([here.sensitivities[k][:, :, 0] for k in range(len(here.outputs))])
+        step = self._step(slopes.max(axis=0), scale) or SHARE
         for _ in range(_CORRECTIONS):
-            there = found(step)
+            there = commanded.found(step, self.index[name])
             moved = [after - before for after, before in zip(there.outputs, here.outputs, strict=True)]
-            right = self._step(magnitude(moved) / step, scale)
+            slopes = commanded.magnitudes(moved) / step
+            right = self._step(slopes.max(axis=0), scale)
             if not right or 0.5 * step <= right <= 2.0 * step:
                 break
             step = right
-        return step
+        # each drive in units of what it changes at most
+        return step, np.sum(slopes / np.maximum(slopes.max(axis=0), np.finfo(float).tiny), axis=1)
+
+    def _commanded(self, excitations: Sequence[Excitation]) -> _Commanded:
+        acting = self._acting(excitations)
+        grids = [self._grid(one, at) for one, at in zip(excitations, acting, strict=True)]
+        nodes = [self._nodes(one, grid, at) for one, grid, at in zip(excitations, grids, acting, strict=True)]
+        held = [*[False] * len(self.foreign.drives), *(place not in self.tunable for place in self.added)]
+
+        def found(records: Sequence[Excitation], *columns: str) -> Trajectories:
+            at = [self._command(one, each.times) for one, each in zip(records, nodes, strict=True)]
+            return self.engine(self.cascade.commands, at, columns=columns).require()
+
+        return _Commanded(excitations, grids, nodes, np.array(held), found)
 
     def _step(self, changed: Floats, scale: Floats) -> float:
         """The largest step that changes no drive by more than a share of its mean magnitude, and none of the

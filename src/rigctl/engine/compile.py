@@ -81,7 +81,7 @@ class CompiledSystem:
 
     def __reduce__(self) -> tuple[Callable[..., CompiledSystem], tuple[Any, ...]]:
         if self.cascade is not None:
-            return _cascade_again, (self.system, self.cascade.steps)
+            return _cascade_again, (self.system, self.cascade.steps, self.cascade.sizes)
         return compile_system, (self.system,)
 
 
@@ -93,23 +93,26 @@ class Cascade:
     ----------
     commands: the equations whose outputs are the program's inputs.
     readings: those whose inputs are the system's, and the rates of the program's outputs.
-    steps: how each column is differenced.
+    steps: how each column is differenced; `sizes` the usual step of those that act on what the program is
+        given.
     kept: the last derivatives of each record, by its name.
     """
 
     commands: CompiledSystem
     readings: CompiledSystem
     steps: dict[str, Step]
+    sizes: dict[str, float]
     kept: dict[str, Kept] = field(default_factory=dict, repr=False)
 
 
-def _cascade_again(system: System, steps: dict[str, Step]) -> CompiledSystem:
+def _cascade_again(system: System, steps: dict[str, Step], sizes: dict[str, float]) -> CompiledSystem:
     """A compiled system that another process sends: it has asked whether the program may run."""
     assert system.foreign is not None  # noqa: S101 - it has a cascade
     system.foreign.program.allow()
     compiled = compile_system(system)
     assert compiled.cascade is not None  # noqa: S101
     compiled.cascade.steps.update(steps)
+    compiled.cascade.sizes.update(sizes)
     return compiled
 
 
@@ -146,10 +149,12 @@ def _compile_cascade(
             value=foreign.program.name,
         )
     commands, readings = (compile_system(one, progress=progress) for one in parts_of(system, foreign))
-    text = "\n".join([commands.source.text, readings.source.text, repr(foreign.program)])
+    # the text of the commands does not say which of its outputs are added to which parameters
+    added = [f"{one.parameter} in {one.low!r} to {one.high!r}" for one in foreign.added]
+    text = "\n".join([commands.source.text, readings.source.text, repr(foreign.program), *added])
     source = Source(text, (), (), ())
     return CompiledSystem(
-        system, source, np.empty(0, dtype=np.int64), cascade=Cascade(commands, readings, {})
+        system, source, np.empty(0, dtype=np.int64), cascade=Cascade(commands, readings, {}, {})
     )
 
 

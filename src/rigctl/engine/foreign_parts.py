@@ -22,7 +22,7 @@ def parts_of(system: System, foreign: Foreign) -> tuple[System, System]:
     RigctlError
         what it is given depends on what it computes: a loop around it, which is not supported.
     """
-    exprs = [*foreign.drives, *(term for _, term in foreign.added), *(one.expr for one in system.delays)]
+    exprs = [*foreign.drives, *(one.expr for one in foreign.added), *(one.expr for one in system.delays)]
     before = _states_behind(system, exprs)
     loop = before & set(foreign.responses)
     if loop:
@@ -37,7 +37,10 @@ def parts_of(system: System, foreign: Foreign) -> tuple[System, System]:
     )
     units = {item.name: item.unit for item in system.inputs}
     units |= {item.name: item.unit for item in system.parameters}
-    given = [*zip(foreign.program.inputs, foreign.drives, strict=True), *foreign.added]
+    given = [
+        *zip(foreign.program.inputs, foreign.drives, strict=True),
+        *((one.parameter, one.expr) for one in foreign.added),
+    ]
     drives = tuple(Output(name, units[name], expr) for name, expr in given)
     return (
         _part(system, before, system.inputs, drives, delays=True),

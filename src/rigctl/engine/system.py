@@ -11,7 +11,7 @@ because it may depend on the state at the time of the command.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -76,6 +76,16 @@ class Delay:
 
 
 @dataclass(frozen=True)
+class Added:
+    """What effects add to a parameter of a foreign program, whose sum with it is kept within bounds, SI."""
+
+    parameter: str
+    expr: Expr
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class Foreign:
     """The part of a system that another program computes.
 
@@ -86,13 +96,13 @@ class Foreign:
     ----------
     program: computes z from the drives and from the parameters of these names.
     drives: its inputs, in order, as functions of the system's.
-    added: by parameter of the program, what effects add to it; those to which nothing is added are left out.
+    added: for each of its parameters to which something is added.
     rate_units: SI units of the rates of its outputs.
     """
 
     program: Program
     drives: tuple[Expr, ...]
-    added: tuple[tuple[str, Expr], ...]
+    added: tuple[Added, ...]
     rate_units: tuple[str, ...]
 
     @property
@@ -240,13 +250,12 @@ class SystemBuilder:
         self,
         program: Program,
         drives: Sequence[Scalar],
-        added: Mapping[str, Scalar],
+        added: Sequence[Added],
         rate_units: Sequence[str],
     ) -> None:
         """Let another program compute the states that are its outputs."""
         expressions = tuple(self.graph.expression(one) for one in drives)
-        terms = tuple((name, self.graph.expression(one)) for name, one in added.items())
-        self._foreign = Foreign(program, expressions, terms, tuple(rate_units))
+        self._foreign = Foreign(program, expressions, tuple(added), tuple(rate_units))
 
     def build(self) -> System:
         """The system, checked.
@@ -319,10 +328,10 @@ def _check_equations(system: System) -> None:
         for drive in system.foreign.drives:
             _check_variables(drive, known, f"an input of {system.foreign.program.name}")
         units = {parameter.name: parameter.unit for parameter in system.parameters}
-        for name, term in system.foreign.added:
-            what = f"what is added to {name} of {system.foreign.program.name}"
-            _check_variables(term, known, what)
-            check_dimension(term, _dimension(units[name]), what)
+        for one in system.foreign.added:
+            what = f"what is added to {one.parameter} of {system.foreign.program.name}"
+            _check_variables(one.expr, known, what)
+            check_dimension(one.expr, _dimension(units[one.parameter]), what)
         known |= {rate_of(name) for name in system.foreign.responses}
     for state, derivative in zip(system.states, system.rhs, strict=True):
         what = f"the derivative of {state.name}"

@@ -200,9 +200,17 @@ class Pool:
 
 
 def _with(program: Program, job: Job) -> str:
-    """The parameters of a job, for a message."""
-    pairs = zip(program.parameters, job.parameters.tolist(), strict=True)
-    shown = ", ".join(f"{name} = {value:.6g}" for name, value in pairs)
+    """The parameters of a job, for a message; of those that change, from where to where."""
+    values = {
+        name: f"{value:.6g}" for name, value in zip(program.parameters, job.parameters.tolist(), strict=True)
+    }
+    changing = job.drives[:, len(program.inputs) :]
+    for name, course in zip(program.tunable, changing.T, strict=False):
+        if np.ptp(course):
+            values[name] = f"{course.min():.6g} to {course.max():.6g}"
+        else:
+            values[name] = f"{course[0]:.6g}"
+    shown = ", ".join(f"{name} = {value}" for name, value in values.items())
     return f" with {shown} (SI)" if shown else ""
 
 

@@ -14,7 +14,7 @@ from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.record_level import RECORD
 from rigctl.effects.registry import find_effect, library
 from rigctl.engine.symbols import Expr, Scalar
-from rigctl.engine.system import System, SystemBuilder, after, before
+from rigctl.engine.system import Added, System, SystemBuilder, after, before
 from rigctl.errors import RigctlError
 from rigctl.model.reading_errors import CalibrationError, true_input
 from rigctl.model.values import choices, parameter_values
@@ -92,11 +92,12 @@ def build_system(
         drives = [scope[name] + scope.total(input_slot(name)) for name in chosen.program.inputs]
         constants = {one.name: given[one.name] for one in chosen.parameters if one.fixed}
         units = [per_second(state.unit) for state in chosen.states]
-        added = {
-            name: term
+        declared = {one.name: one for one in chosen.parameters}
+        added = [
+            Added(name, term, declared[name].low, declared[name].high)
             for name in chosen.program.parameters
             if isinstance(term := scope.total(parameter_slot(name)), Expr)
-        }
+        ]
         builder.foreign(chosen.program.with_constants(constants), drives, added, units)
     for output in chosen.outputs:
         if rig is None or output.name in rig.channels:

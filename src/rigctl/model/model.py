@@ -120,7 +120,7 @@ class Model:
 
         Functions that take no symbols, because they branch, look a table up or call another library, are
         called with numbers in processes of their own. Derivatives are then differences that are checked, and
-        effects are looked for at inputs and readings alone; the model says so.
+        effects are looked for at inputs, readings and parameters alone; the model says so.
 
         Parameters
         ----------

@@ -214,7 +214,12 @@ def around(program: Program, family: ModelFamily) -> ModelFamily:
         *_until_acting(driving),
         *_at_readings(family),
         *(
-            Slot(parameter_slot(one.name), si_unit(one.unit), f"beside what {one.name} is", shown=one.unit)
+            Slot(
+                parameter_slot(one.name),
+                si_unit(one.unit),
+                f"beside what {one.name} is",
+                shown=interval_unit(one.unit),
+            )
             for one in given
         ),
     )

@@ -128,7 +128,7 @@ def candidates(
     for effect in (*library(model.family).values(), *model.own_effects):
         says_the_same = any(other.name in effect.instead_of for other in present)
         if effect.terms and effect.name not in impossible and not says_the_same:
-            tried += at_each_shape(effect, ranges or {})
+            tried += at_each_shape(effect, ranges)
     return tuple(tried)
 
 
@@ -156,8 +156,14 @@ def by_effect(tried: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
 
 
 def at_each_shape(effect: Effect, ranges: Ranges | None = None) -> Iterator[Candidate]:
-    """An effect at every shape of its grid; thresholds over the `ranges` of the measurements."""
+    """An effect at every shape of its grid; thresholds over the `ranges` of the measurements.
+
+    None for a drift with an input that has one value in all data, from whose middle it would count.
+    """
     known = ranges or {}
+    origins = [one for one in effect.parameters if one.shape and one.shares and not one.refined]
+    if ranges is not None and any(one.within not in known for one in origins):
+        return
     switching = [parameter for parameter in effect.parameters if not parameter.shape]
     columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
     signs = tuple(int(parameter.sign) for parameter in switching)

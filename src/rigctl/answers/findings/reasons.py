@@ -117,7 +117,7 @@ def edges_text(searched: OnlyEdgesSearched) -> str:
 
 def inside_text(searched: OnlyEdgesSearched) -> str:
     """Where the cause may be all the same."""
-    return f"the cause may be another one inside {searched.noun}"
+    return f"the cause may be something else inside {searched.noun}"
 
 
 def not_predicted_text(effects: Sequence[str]) -> str:

@@ -115,9 +115,15 @@ def fmu_family(document: Document, taken: Iterable[str]) -> ModelFamily:
     if written.family in taken:
         error = RigctlError("there is a model family of this name already", value=written.family)
         reader.refuse(("family",), error)
-    for name in written.inputs.keys() & written.conditions.keys():
-        error = RigctlError("an input is a condition for its parameters already", value=name)
-        reader.refuse(("conditions", name), error)
+    for name in written.conditions:
+        if name in written.inputs:
+            reader.refuse(
+                ("conditions", name),
+                RigctlError("drifts with the inputs of the FMU are looked for without this", value=name),
+            )
+        elif name in (*written.outputs, *written.parameters):
+            kind = "an output" if name in written.outputs else "a parameter"
+            reader.refuse(("conditions", name), RigctlError(f"{kind} has this name already", value=name))
     path = Path(document.path) if document.path else None
     about = reader.read(("fmu",), partial(_described, written.fmu, path))
     reader.stop_at_errors()
