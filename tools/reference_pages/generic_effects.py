@@ -75,8 +75,8 @@ otherwise to 0, and a temperature or pressure to its initial value.
         """
 Where a program computes the states there are no balances to act on. Effects act at its inputs and outputs,
 and on each of its parameters that a fit may change: a drift with every input and condition, and in time if
-the parameter can change during a simulation (`variability="tunable"` of an FMU; functions always). To another
-one the mean over each record is added.
+the parameter can change during a simulation (`variability="tunable"` of an FMU; functions always). To a
+parameter that cannot, the mean of w over the record is added. `origin` is the middle of the data.
 """,
     ),
 )
