@@ -79,3 +79,11 @@ def test_a_design_simulates_it_and_leaves_out_a_sensor_that_it_does_not_have(tmp
     (note,) = (one for one in found["notes"] if one.startswith("winding was not evaluated: "))
     assert "unknown quantity of the model that the sensor 'winding' could read" in note
     told("check", "next.yaml", "--rig", "rig.yaml")
+
+
+def test_a_rig_of_another_family_has_options_that_it_does_not_know(tmp_path: Path) -> None:
+    """The shipped bench says where its throttle sits; an FMU of it has that inside."""
+    run = write_bench(tmp_path)
+    rig = Path("rig.yaml").read_text("utf-8")
+    Path("rig.yaml").write_text(f"{rig}options: {{throttle: meter_in}}\n", encoding="utf-8")
+    assert answer("compare", run, *MODEL)["models"][0]["adequate"]

@@ -55,14 +55,14 @@ def parameter_origins(
 
 
 def choices(family: ModelFamily, rig: Rig | None) -> dict[str, str]:
-    """The variants of the equations selected by the rig's options.
+    """The variants of the equations selected by the rig's options; none of a program, which has its own.
 
     Raises
     ------
     RigctlError
         an option that the family does not have, or a choice that the option does not have.
     """
-    chosen = dict(rig.options) if rig is not None else {}
+    chosen = dict(rig.options) if rig is not None and family.program is None else {}
     for name, value in chosen.items():
         if name not in family.options:
             raise unknown_name(f"option of {family.name}", name, family.options)
