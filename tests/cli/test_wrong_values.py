@@ -186,6 +186,7 @@ WRONG: dict[str, tuple[str, ...]] = {
     "inputs": NAME,
     "outputs": NAME,
     "leave": NAME,
+    "condition": NAME,
     "certificate": ("nothing.pem",),
     "key": ("nothing.pem",),
     "directory": ("picture.png",),

@@ -233,3 +233,5 @@ def test_a_condition_that_is_something_else_is_refused(tmp_path: Path) -> None:
     said = refusal(*drafts, "--fmu", "motor.fmu", "--condition", "speed", "--leave", "speed")
     assert "--condition: the column is something else, too" in said
     assert "--condition is for the parameters of an FMU" in refusal(*drafts, "--condition", "speed")
+    said = refusal(*drafts, "--fmu", "motor.fmu", "--condition", "sped")
+    assert "--condition: column, got 'sped'; did you mean 'speed'?" in said.replace("unknown ", "")

@@ -141,6 +141,9 @@ def pair(
     found = {table.column(theirs).name: variable for theirs, variable in stated.items()}
     if len(set(found.values())) < len(stated):
         raise RigctlError("--variable: two columns are one variable", value=", ".join(stated.values()))
+    conditions = list(conditions)
+    names = [name for column in table.columns for name in dict.fromkeys((column.name, column.theirs))]
+    require_known("--condition: column", conditions, names)
     apart = {table.column(theirs).name for theirs in conditions}
     omitted = {table.column(theirs).name for theirs in leave}
     if twice := apart & (omitted | found.keys()):
