@@ -270,7 +270,7 @@ def linear_problem(
     system = SimpleNamespace(
         parameter_names=tuple(names), output_names=CHANNELS, outputs=CHANNELS, state_names=()
     )
-    compiled: Any = SimpleNamespace(system=system, cascade=None, accuracy=lambda columns: 0.0)
+    compiled: Any = SimpleNamespace(system=system, cascade=None)
     zero = LocalUnknown(ZERO, Unknown(ZERO, 0.0, scale=ZERO_STD, prior=Prior(0.0, ZERO_STD)))
     ok = np.ones((SAMPLES, len(CHANNELS)), bool)
     records = measurements.records

@@ -33,10 +33,6 @@ _SHORTER = 0.5  # a step after a rejected one is at most this long, relative to 
 STRETCHED = 1.4  # ratio of the actual to the expected decrease above which a longer step is tried
 
 
-def _exact() -> float:
-    return 0.0
-
-
 @dataclass(frozen=True)
 class Options:
     """When a fit ends.
@@ -51,7 +47,8 @@ class Options:
         lower the cost as expected, it may grow to four times that.
     rival: a cost already reached by another fit: far above it, this fit ends when a step is not expected to
         reduce the difference by a hundredth.
-    accuracy: of the derivatives, asked at the end: no combination is determined that has less effect.
+    accuracy: of the derivatives, asked at the end: no combination is determined that has less effect; None
+        if they are exact.
     """
 
     cost: float = 1e-9
@@ -60,7 +57,7 @@ class Options:
     iterations: int = 100
     largest_step: float = 0.3
     rival: float = math.inf
-    accuracy: Callable[[], float] = _exact
+    accuracy: Callable[[], float] | None = None
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,8 @@ def conclude(
 ) -> LeastSquaresResult:
     """The result of a fit that ended at an iterate."""
     unknowns, point = at.task.unknowns, at.point
-    accuracy = at.task.options.accuracy()
+    ask = at.task.options.accuracy
+    accuracy = 0.0 if ask is None else ask()
     linear = _Linearised.at(at.arrow, unknowns, at.task.local, point, accuracy)
     values, weak = weak_combinations(
         linear.factors.matrix,

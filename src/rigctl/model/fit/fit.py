@@ -278,9 +278,7 @@ def fit(
     """
     # noise may be a share of the value, and scatter of switches and noise of inputs act as the model
     # predicts: they are known only after a fit, whose values are where the second one starts
-    names = [unknown.name for unknown in problem.shared]
-    accuracy = partial(problem.compiled.accuracy, names)
-    options = Options(cost=cost, largest_step=largest_step, rival=rival, accuracy=accuracy)
+    options = Options(cost=cost, largest_step=largest_step, rival=rival)
     plan = _Plan(refit, starts, seed, options, progress)
     result = _fit(problem, hold_out, plan, local)
     better = _with_noise_of(problem, result)
@@ -342,6 +340,9 @@ def _fitted(
         problem = problem.with_shared([one for one in problem.shared if one.name not in silent])
         inner = problem.only(fitted)
     start = np.array([unknown.start for unknown in problem.shared])
+    if problem.compiled.cascade is not None:  # derivatives through a program are differences
+        accuracy = partial(problem.compiled.accuracy, [unknown.name for unknown in problem.shared])
+        plan = replace(plan, options=replace(plan.options, accuracy=accuracy))
     if plan.refit and problem.shared:
         _check_enough(inner)
         inside = _started(inner, initial)
