@@ -17,6 +17,7 @@ from contextlib import contextmanager
 
 import typer
 
+from rigctl.cli.echo import echo
 from rigctl.printable import printable
 
 _ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "": False}
@@ -31,7 +32,7 @@ def confirm(question: str) -> bool:
         Ctrl-C, or the end of the input.
     """
     while (answer := ask(f"{question} [y/N]").lower()) not in _ANSWERS:
-        typer.echo("Error: invalid input", err=True)  # noqa: TID251
+        echo("answer y or n", err=True)
     return _ANSWERS[answer]
 
 
@@ -44,7 +45,7 @@ def ask(question: str) -> str:
         Ctrl-C, or the end of the input.
     """
     try:
-        typer.echo(f"{printable(question)}: ", nl=False, err=True)  # noqa: TID251
+        typer.echo(f"{printable(question)}: ", nl=False, err=True)  # noqa: TID251 - the cursor stays behind it
         sys.stderr.flush()
         _wait_for_line()
         line = sys.stdin.readline()

@@ -8,9 +8,9 @@ too: what they add to one that can change during a simulation is held like a dri
 over the record is added. The grid has the samples, every command at the time at which it acts, and some
 points after it. What is read of z, linear between the points, has exact derivatives. Derivatives through the
 program are differences, central except at a value of 0, where only one side need exist, and of switches,
-which lie at corners (`Change`). Each column is differenced with two steps, and with smaller ones until two
-agree; from then on with one, where that gives the same. A record that hardly moves keeps its derivatives
-(`kept_derivatives`).
+which lie at corners (`Change`). Each column is differenced with two steps, and with smaller and larger ones
+until two agree; from then on with one, where that gives the same. A record that hardly moves keeps its
+derivatives (`kept_derivatives`).
 """
 
 from __future__ import annotations

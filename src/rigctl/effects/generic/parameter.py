@@ -2,8 +2,8 @@
 
 In: the slot at a parameter (`OfProgram`) and the typical sizes. Out: effects there. Equations that can be
 seen have effects at their balances instead; of an FMU, or of functions that take no symbols, the parameters
-are all of the inside that can be reached. To a parameter that cannot change during a simulation the mean of
-what is added over each record is, which is exact for a condition that is constant there.
+are all of the inside that can be reached. A parameter that cannot change during a simulation gets the mean of
+the term over each record, which is exact for a condition that is constant there.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class _EffectBuilder:
         slope = _DRIFT * self.role.size / self.sizes.input(item.name)
         # From the middle of the data: a drift is then no other value of a parameter that the fit holds, and
         # an input with one value in all data has no drift.
-        origin = _middle("origin", unit, item.value, f"input {item.name}", difference=item.difference)
+        origin = _origin(unit, item.value, f"input {item.name}", difference=item.difference)
 
         def term(m: Scope, p: Own) -> Scalar:
             return p.slope * (m[item.name] - p.origin)
@@ -103,7 +103,7 @@ class _EffectBuilder:
             lambda m, p: p.rate * (p.elapsed - p.origin),
             (
                 either_sign("rate", shown_quotient(self.unit, "s"), rate, "change per second"),
-                _middle("origin", "s", 0.5 * length, "time", difference=True),
+                _origin("s", 0.5 * length, "time", difference=True),
             ),
             f"Another value of {self.name} fits the end of a record than its beginning.",
             "long records, with the same commands early and late",
@@ -111,10 +111,10 @@ class _EffectBuilder:
         )
 
 
-def _middle(name: str, unit: str, start: float, within: str, *, difference: bool) -> EffectParameter:
+def _origin(unit: str, start: float, within: str, *, difference: bool) -> EffectParameter:
     """From where a drift counts: the middle of what the data have, and not fitted, as the parameter is."""
     return EffectParameter(
-        name,
+        "origin",
         unit,
         None,
         start,
