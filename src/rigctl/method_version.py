@@ -11,7 +11,7 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 52
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "1165f258cbe1"
+FINGERPRINT = "49c36f0a4d1e"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 6
 #: hash of the code of this version of the search
