@@ -32,7 +32,7 @@ def confirm(question: str) -> bool:
         Ctrl-C, or the end of the input.
     """
     while (answer := ask(f"{question} [y/N]").lower()) not in _ANSWERS:
-        echo("answer y or n", err=True)
+        echo("type y or n", err=True)
     return _ANSWERS[answer]
 
 
